@@ -1,0 +1,71 @@
+"""Run the Fortran and the Python tests, both whatever the first says, and report the two."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import environment
+from environment import ROOT, VENV
+
+# Which Meson file must name which sources, and how: one left out would silently not be run.
+BUILD_LISTS = (
+    ("fortran/meson.build", "fortran/*.f90", "'{0.name}'"),
+    ("fortran/meson.build", "fortran/*.inc", "'{0.name}'"),
+    ("tests/meson.build", "tests/fortran/test_*.f90", "'{0.stem}'"),
+)
+
+
+def unlisted() -> list[str]:
+    """Fortran sources that no Meson file names."""
+    return [
+        f"{path.relative_to(ROOT)} is not listed in {listing}"
+        for listing, pattern, entry in BUILD_LISTS
+        for path in sorted(ROOT.glob(pattern))
+        if entry.format(path) not in (ROOT / listing).read_text()
+    ]
+
+
+def run(*command: str) -> None:
+    """Run a program of .venv in the checkout; CalledProcessError if it fails."""
+    program = str(VENV / "bin" / command[0])
+    sys.stdout.flush()
+    subprocess.run([program, *command[1:]], check=True, cwd=ROOT, env=environment.activated())
+
+
+def fortran_tests() -> None:
+    """Compile the Fortran tests with run-time checks, in a folder of their own, and run them."""
+    with environment.sole_use(), environment.build_folder("test") as folder:
+        if not Path(folder, "build.ninja").exists():
+            run("meson", "setup", "-Dbuildtype=debugoptimized", str(folder))
+        run("meson", "test", "-C", str(folder), "--print-errorlogs")
+
+
+def python_tests(full: bool) -> None:
+    """Run pytest on the installed package."""
+    run("python", "-m", "pytest", *(["-m", "full or not full"] if full else []))
+
+
+def passes(tests, *arguments) -> bool:
+    """Whether the tests pass."""
+    try:
+        tests(*arguments)
+    except subprocess.CalledProcessError:
+        return False
+    return True
+
+
+def main() -> int:
+    """Run everything; the exit status."""
+    results = {"Fortran tests": passes(fortran_tests)}
+    results["Python tests"] = passes(python_tests, "--full" in sys.argv[1:])
+    omitted = unlisted()
+    for line in omitted:
+        print(line)
+    results["source lists"] = not omitted
+    for what, passed in results.items():
+        print(f"{what}: {'passed' if passed else 'FAILED'}")
+    return 0 if all(results.values()) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

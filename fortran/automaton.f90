@@ -1,0 +1,322 @@
+!> The hybrid automaton: one call advances the state by one smooth stretch and resolves whatever
+!> ends it. Serves any `system_t`. Corners are decided as docs/model.md says.
+module lapwing_automaton
+  use lapwing_kinds, only: wp
+  use lapwing_chatter, only: remaining_chatter
+  use lapwing_codes, only: separation, drive_flank, event_kink, event_chatter_end, status_ok, &
+      status_too_many_events, status_too_many_steps, status_step_too_small, status_not_finite
+  use lapwing_contact_rules, only: strike, strike_resting, begin_contact, let_go, &
+      pressing_sign, log_event
+  use lapwing_event_search, only: crossing_t, find_crossing, polish_crossing, work_t, first_descent
+  use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
+  use lapwing_polynomial, only: max_degree
+  use lapwing_rk4, only: rk4_step
+  use lapwing_step_control, only: error_ratio, after_accepted, after_rejected
+  use lapwing_system, only: system_t, max_states
+  implicit none
+  private
+  public :: advance
+
+contains
+
+  !> Advance by one smooth stretch, or by none where the tooth stands at an event.
+  subroutine advance(system, numerics, state, segment, work, status)
+    class(system_t), intent(in) :: system           !! what moves
+    type(numerics_t), intent(in) :: numerics        !! tolerances and bounds
+    type(hybrid_state_t), intent(inout) :: state    !! state, moved on
+    type(segment_t), intent(inout) :: segment       !! what happened
+    type(work_t), intent(inout) :: work             !! counts
+    integer, intent(out) :: status                  !! status_*
+    real(wp) :: z(max_states)
+    logical :: resolved
+    status = status_ok
+    segment%motion_state = state%instant%motion_state
+    segment%cycle = state%instant%cycle
+    segment%t = state%instant%t
+    segment%length = 0
+    segment%stepped = .false.
+    segment%n_events = 0
+    segment%cycle_completed = .false.
+    call system%open_frame(state%instant, segment%frame, z)
+    if (segment%motion_state == separation) then
+      call meet_flanks(system, numerics, state, segment, z, resolved)
+    else
+      call keep_contact(system, state, segment, z, resolved)
+    end if
+    if (.not. resolved) then
+      if (system%rigid .and. segment%motion_state /= separation) then
+        call follow(system, state, segment)
+      else
+        call step_on(system, numerics, state, segment, z, work, status)
+      end if
+    end if
+    if (status == status_ok) call check_bounds(system, numerics, state, segment, status)
+  end subroutine advance
+
+  !> In separation at the beginning of a stretch: strike a flank that is met already, sum a
+  !> chatter that has become short, or know which flank is being left.
+  subroutine meet_flanks(system, numerics, state, segment, z, resolved)
+    class(system_t), intent(in) :: system           !! what moves
+    type(numerics_t), intent(in) :: numerics        !! tolerances
+    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(segment_t), intent(inout) :: segment       !! what happened
+    real(wp), intent(in) :: z(max_states)           !! local coordinates
+    logical, intent(out) :: resolved                !! whether the stretch ended here
+    real(wp) :: distance, approach
+    integer :: flank
+    resolved = .false.
+    do flank = 1, system%n_flanks
+      call system%contact(segment%frame, flank, 0.0_wp, z, distance, approach)
+      if (flank == state%instant%touching) then
+        if (system%sums_chatter(flank) .and. .not. system%compliant) &
+            call sum_chatter(system, numerics, state, segment, flank, -approach, resolved)
+        if (resolved) return
+      else if (distance <= 0) then
+        if (approach > 0 .or. (.not. approach < 0 &
+            .and. pressing_sign(system, segment%frame, flank, 0.0_wp) > 0)) then
+          call strike(system, state, segment, segment%frame, flank, 0.0_wp, z)
+          resolved = .true.
+          return
+        end if
+        state%instant%touching = flank
+      end if
+    end do
+  end subroutine meet_flanks
+
+  !> In contact at the beginning of a stretch: let go a tooth that stands at zero and leaves.
+  subroutine keep_contact(system, state, segment, z, resolved)
+    class(system_t), intent(in) :: system           !! what moves
+    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(segment_t), intent(inout) :: segment       !! what happened
+    real(wp), intent(in) :: z(max_states)           !! local coordinates
+    logical, intent(out) :: resolved                !! whether the stretch ended here
+    real(wp) :: distance, approach
+    integer :: flank
+    resolved = .false.
+    flank = segment%motion_state
+    if (state%instant%touching == flank) return
+    call system%contact(segment%frame, flank, 0.0_wp, z, distance, approach)
+    if (distance < 0) return
+    if (approach < 0 .or. (.not. approach > 0 &
+        .and. pressing_sign(system, segment%frame, flank, 0.0_wp) < 0)) then
+      call let_go(system, state, segment, flank, approach)
+      resolved = .true.
+    else
+      state%instant%touching = flank
+    end if
+  end subroutine keep_contact
+
+  !> End a chatter whose rest is short and regular enough to be summed.
+  subroutine sum_chatter(system, numerics, state, segment, flank, speed, resolved)
+    class(system_t), intent(in) :: system           !! what moves
+    type(numerics_t), intent(in) :: numerics        !! tolerances
+    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(segment_t), intent(inout) :: segment       !! what happened
+    integer, intent(in) :: flank                    !! flank being bounced on
+    real(wp), intent(in) :: speed                   !! speed after the last impact
+    logical, intent(out) :: resolved                !! whether the chatter ended
+    real(wp) :: pressing(0:max_degree), duration
+    call system%pressing(segment%frame, flank, pressing)
+    call remaining_chatter(pressing, speed, system%restitution, system%period, &
+        numerics%chatter_tolerance, segment%frame%piece_end, resolved, duration)
+    if (.not. resolved) return
+    segment%length = duration
+    state%instant%t = state%instant%t + duration
+    call begin_contact(system, state, segment, event_chatter_end, flank, 0.0_wp)
+  end subroutine sum_chatter
+
+  !> Rigid contact: on the flank until it would have to pull, or to the next kink or cycle.
+  subroutine follow(system, state, segment)
+    class(system_t), intent(in) :: system           !! what moves
+    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(segment_t), intent(inout) :: segment       !! what happened
+    type(crossing_t) :: at
+    real(wp) :: pressing(0:max_degree), s
+    integer :: flank
+    flank = segment%motion_state
+    at%frame = segment%frame
+    do
+      call system%pressing(at%frame, flank, pressing)
+      call first_descent(pressing, at%frame%piece_end - at%frame%piece_begin, .true., at%found, s)
+      if (at%found) exit
+      if (at%frame%piece_end >= at%frame%stop) exit
+      call system%next_piece(at%frame)
+      call system%pressing(at%frame, flank, pressing)
+      if (pressing(0) < 0) then
+        at%found = .true.
+        s = 0
+        exit
+      end if
+    end do
+    if (at%found) then
+      segment%length = at%frame%piece_begin + s
+      call move_time(state, segment)
+      call let_go(system, state, segment, flank, 0.0_wp)
+    else
+      segment%length = at%frame%stop
+      call pass_stop(system, state, segment)
+    end if
+  end subroutine follow
+
+  !> One accepted step, cut at the first event in it.
+  subroutine step_on(system, numerics, state, segment, z, work, status)
+    class(system_t), intent(in) :: system           !! what moves
+    type(numerics_t), intent(in) :: numerics        !! tolerances
+    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(segment_t), intent(inout) :: segment       !! what happened
+    real(wp), intent(in) :: z(max_states)           !! local coordinates at the beginning
+    type(work_t), intent(inout) :: work             !! counts
+    integer, intent(out) :: status                  !! status_*
+    type(crossing_t) :: crossing
+    real(wp) :: z_end(max_states), ends
+    segment%stepped = .true.
+    call accept_step(system, numerics, state, segment, z, z_end, work, status)
+    if (status /= status_ok) return
+    call find_crossing(system, segment%frame, segment%motion_state, state%instant%touching, &
+        segment%motion, work, crossing)
+    if (crossing%found) then
+      ! Equal times: what happens at the stop, a kink or the cycle's end, comes first.
+      ends = segment%frame%t + segment%frame%stop
+      if (segment%frame%t + crossing%s >= ends - spacing(ends)) then
+        crossing%found = .false.
+        do while (crossing%frame%piece_end < segment%motion%h)
+          call system%next_piece(crossing%frame)
+        end do
+      end if
+    end if
+    if (crossing%found) then
+      call polish_crossing(system, segment%frame, segment%motion_state, segment%motion%h, z, &
+          crossing, z_end, work)
+      call end_at_crossing(system, state, segment, crossing, z_end)
+    else
+      segment%length = segment%motion%h
+      call system%commit(crossing%frame, segment%length, z_end, state%instant%chart, &
+          state%instant%y)
+      if (segment%length >= segment%frame%stop) then
+        call pass_stop(system, state, segment)
+      else
+        call move_time(state, segment)
+        state%instant%piece = crossing%frame%piece
+      end if
+    end if
+  end subroutine step_on
+
+  !> Try steps until the error estimate is within the tolerance.
+  subroutine accept_step(system, numerics, state, segment, z, z_end, work, status)
+    class(system_t), intent(in) :: system           !! what moves
+    type(numerics_t), intent(in) :: numerics        !! tolerances
+    type(hybrid_state_t), intent(inout) :: state    !! state: its step memory is updated
+    type(segment_t), intent(inout) :: segment       !! its motion is set
+    real(wp), intent(in) :: z(max_states)           !! local coordinates at the beginning
+    real(wp), intent(out) :: z_end(max_states)      !! and at the end
+    type(work_t), intent(inout) :: work             !! counts
+    integer, intent(out) :: status                  !! status_*
+    real(wp) :: error(max_states), scale(max_states), ratio, h
+    logical :: cut_short
+    integer :: n
+    n = system%n_states
+    status = status_ok
+    call system%scales(segment%motion_state, scale)
+    associate (memory => state%memory(segment%motion_state))
+      h = min(memory%step, segment%frame%stop)
+      cut_short = h < memory%step
+      do
+        call rk4_step(system, segment%frame, segment%motion_state, h, z, segment%motion, &
+            z_end, error)
+        ratio = error_ratio(error(1:n), scale(1:n), numerics%tolerance)
+        if (ratio <= 1) exit
+        work%rejected = work%rejected + 1
+        cut_short = .false.
+        if (.not. ratio <= huge(ratio)) then
+          h = 0.1_wp*h
+        else
+          h = after_rejected(h, ratio)
+        end if
+        if (h <= spacing(system%period)) then
+          status = merge(status_step_too_small, status_not_finite, abs(sum(z(1:n))) <= huge(h))
+          return
+        end if
+      end do
+      call after_accepted(memory, h, ratio, cut_short)
+    end associate
+    work%steps = work%steps + 1
+  end subroutine accept_step
+
+  !> The stretch ends at a flank: an impact or a contact from separation, a release from contact.
+  subroutine end_at_crossing(system, state, segment, crossing, z_event)
+    class(system_t), intent(in) :: system           !! what moves
+    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(segment_t), intent(inout) :: segment       !! what happened
+    type(crossing_t), intent(in) :: crossing        !! where
+    real(wp), intent(in) :: z_event(max_states)     !! local coordinates there
+    real(wp) :: distance, approach
+    segment%length = crossing%s
+    call move_time(state, segment)
+    state%instant%piece = crossing%frame%piece
+    if (segment%motion_state == separation) then
+      call strike(system, state, segment, crossing%frame, crossing%flank, crossing%s, z_event)
+    else
+      call system%contact(crossing%frame, crossing%flank, crossing%s, z_event, distance, approach)
+      call system%commit(crossing%frame, crossing%s, z_event, crossing%flank, state%instant%y)
+      if (approach < 0) then
+        call let_go(system, state, segment, crossing%flank, approach)
+      else
+        ! The contact was only grazed from inside: the tooth stays.
+        call system%launch(crossing%flank, approach, state%instant%y)
+        state%instant%touching = crossing%flank
+      end if
+    end if
+  end subroutine end_at_crossing
+
+  !> Time at the end of a stretch that ends between two knots.
+  pure subroutine move_time(state, segment)
+    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(segment_t), intent(in) :: segment          !! stretch
+    state%instant%t = segment%t + segment%length
+    state%instant%touching = 0
+  end subroutine move_time
+
+  !> The stretch ends at a stop: go past the knot; a kink changes the velocity relative to a
+  !> moving flank, and in rigid contact it strikes the tooth or throws it off.
+  subroutine pass_stop(system, state, segment)
+    class(system_t), intent(in) :: system           !! what moves
+    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(segment_t), intent(inout) :: segment       !! what happened
+    logical :: is_kink
+    real(wp) :: jump, phi, phi_dot
+    integer :: cycle_before
+    cycle_before = state%instant%cycle
+    state%instant%touching = 0
+    call system%pass_knot(segment%frame%stop_knot, state%instant, is_kink, jump)
+    segment%cycle_completed = state%instant%cycle /= cycle_before
+    if (segment%cycle_completed) then
+      state%events_in_cycle = 0
+      state%steps_in_cycle = 0
+    end if
+    if (.not. is_kink) then
+      if (system%rigid .and. segment%motion_state /= separation) &
+          call system%launch(segment%motion_state, 0.0_wp, state%instant%y)
+      return
+    end if
+    call system%observe(state%instant, phi, phi_dot)
+    call log_event(system, state, segment, event_kink, drive_flank, phi_dot - jump, phi_dot)
+    if (system%rigid .and. segment%motion_state /= separation) &
+        call strike_resting(system, state, segment)
+  end subroutine pass_stop
+
+  !> Named ends of everything that physics could make endless.
+  subroutine check_bounds(system, numerics, state, segment, status)
+    class(system_t), intent(in) :: system           !! what moves
+    type(numerics_t), intent(in) :: numerics        !! bounds
+    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(segment_t), intent(in) :: segment          !! what happened
+    integer, intent(out) :: status                  !! status_*
+    status = status_ok
+    state%events_in_cycle = state%events_in_cycle + segment%n_events
+    state%steps_in_cycle = state%steps_in_cycle + 1
+    if (state%events_in_cycle > numerics%max_events_per_cycle) status = status_too_many_events
+    if (state%steps_in_cycle > numerics%max_steps_per_cycle) status = status_too_many_steps
+    if (.not. abs(sum(state%instant%y(1:system%n_states))) <= huge(1.0_wp)) &
+        status = status_not_finite
+  end subroutine check_bounds
+end module lapwing_automaton

@@ -1,0 +1,53 @@
+!> The complete state of a run between two calls, and what one advance of it did.
+module lapwing_hybrid_state
+  use lapwing_kinds, only: wp
+  use lapwing_step_control, only: step_memory_t
+  use lapwing_system, only: instant_t, frame_t, motion_t
+  implicit none
+  private
+  public :: hybrid_state_t, numerics_t, event_t, segment_t, max_segment_events
+
+  !> Most events one segment can end with: kink, impact, release, engage.
+  integer, parameter :: max_segment_events = 4
+
+  !> What the automaton needs to go on, bit for bit.
+  type :: hybrid_state_t
+    type(instant_t) :: instant               !! where the system is
+    type(step_memory_t) :: memory(0:2)       !! step rule's memory by motion state
+    integer :: events_in_cycle = 0           !! events since the cycle began
+    integer :: steps_in_cycle = 0            !! segments since the cycle began
+  end type hybrid_state_t
+
+  !> Tolerances and bounds.
+  type :: numerics_t
+    real(wp) :: tolerance = 1.0e-10_wp             !! relative, per step
+    real(wp) :: chatter_tolerance = 1.0e-10_wp     !! of a chatter's end, mesh periods
+    integer :: max_events_per_cycle = 1000000      !! bound on events
+    integer :: max_steps_per_cycle = 10000000      !! bound on segments
+  end type numerics_t
+
+  !> One line of the event log.
+  type :: event_t
+    integer :: kind = 0              !! event kind
+    integer :: cycle = 0             !! mesh cycle
+    real(wp) :: t = 0                !! time in it
+    real(wp) :: phi = 0              !! displacement, rad
+    real(wp) :: before = 0           !! velocity relative to the flank before, rad per tau
+    real(wp) :: after = 0            !! and after
+  end type event_t
+
+  !> A stretch of smooth motion and the events it ends with.
+  type :: segment_t
+    integer :: motion_state = 0                       !! motion state during it
+    integer :: cycle = 0                              !! cycle it began in
+    real(wp) :: t = 0                                 !! time in it
+    real(wp) :: length = 0                            !! duration
+    logical :: stepped = .false.                      !! whether `motion` describes it; otherwise
+                                                      !! the tooth lies on the flank of its chart
+    type(frame_t) :: frame                            !! frame it began with
+    type(motion_t) :: motion                          !! the step it is part of
+    integer :: n_events = 0                           !! events at its end
+    type(event_t) :: events(max_segment_events)       !! those events
+    logical :: cycle_completed = .false.              !! whether it ends a cycle
+  end type segment_t
+end module lapwing_hybrid_state

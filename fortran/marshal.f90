@@ -1,0 +1,193 @@
+!> Between the flat arrays of the API and the engine's types.
+module lapwing_marshal
+  use, intrinsic :: iso_c_binding, only: c_double, c_int
+  use lapwing_kinds, only: wp
+  use lapwing_codes, only: separation, engagement, back_engagement, no_flank, drive_flank, &
+      coast_flank, law_restitution, law_compliant, law_rigid, law_relative, law_absolute, &
+      gap_one_sided, gap_symmetric, gap_one_flank, event_impact, event_release, event_engage, &
+      event_chatter_end, event_kink, event_near_graze, status_ok, status_too_many_events, &
+      status_too_many_steps, status_step_too_small, status_not_finite, status_unfinished
+  use lapwing_event_search, only: work_t
+  use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
+  use lapwing_oscillator, only: oscillator_t, parameters_t, oscillator, start_at_rest, start_from
+  use lapwing_polynomial, only: max_degree
+  use lapwing_recorder, only: recorder_t, start_recording, log_columns, cycle_columns, &
+      sample_columns
+  use lapwing_run, only: run_to, deadline_in
+  use lapwing_state_blob, only: blob_size, work_size, pack_blob, unpack_blob
+  use lapwing_sweep, only: sweep_t, line_t, sweep_lines
+  use lapwing_transmission_error, only: te_table_t, te_table, expand_at, locate_piece
+  implicit none
+  private
+  public :: all_sizes, all_codes, evaluate, go_on_with_trajectory, go_on_with_sweep
+
+  !> force, Omega, flank scale, peak-to-peak of g, xi, epsilon, theta0, rtol, chatter tolerance,
+  !> count depth, graze distance
+  integer, parameter :: n_reals = 11
+  !> contact law, impact law, gap, back_flank_te, largest numbers of events and of steps in a
+  !> cycle; events, impacts, grazes, strobe, cycles wanted; settling cycles, recorded cycles
+  integer, parameter :: n_choices = 13
+
+  integer(c_int), parameter :: all_sizes(7) = [blob_size, work_size, log_columns, cycle_columns, &
+      sample_columns, n_reals, n_choices]
+  integer(c_int), parameter :: all_codes(31) = [separation, engagement, back_engagement, &
+      no_flank, drive_flank, coast_flank, event_impact, event_impact + 1, event_release, &
+      event_release + 1, event_engage, event_engage + 1, event_chatter_end, &
+      event_chatter_end + 1, event_kink, event_near_graze, event_near_graze + 1, &
+      law_restitution, law_compliant, law_rigid, law_relative, law_absolute, gap_one_sided, &
+      gap_symmetric, gap_one_flank, status_ok, status_too_many_events, status_too_many_steps, &
+      status_step_too_small, status_not_finite, status_unfinished]
+
+contains
+
+  !> g, g' and g'' of a scaled table.
+  subroutine evaluate(knots, coefficients, kinks, scale, period, t, g)
+    real(c_double), intent(in) :: knots(:)             !! mesh phase
+    real(c_double), intent(in) :: coefficients(:, :)   !! (6, n) rad per period**k
+    integer(c_int), intent(in) :: kinks(:)             !! 1: slope jump
+    real(c_double), intent(in) :: scale                !! g / transmission error
+    real(c_double), intent(in) :: period               !! mesh period in tau
+    real(c_double), intent(in) :: t(:)                 !! times
+    real(c_double), intent(out) :: g(:, :)             !! (3, n)
+    type(te_table_t) :: table
+    real(wp) :: local(0:max_degree)
+    integer :: i
+    table = te_table(knots, coefficients, kinks == 1, scale, period, 0.0_wp)
+    do i = 1, size(t)
+      call expand_at(table, locate_piece(table, t(i), 1), t(i), local)
+      g(:, i) = [local(0), local(1), 2*local(2)]
+    end do
+  end subroutine evaluate
+
+  pure function parameters_from(reals, choices) result(p)
+    real(c_double), intent(in) :: reals(:)        !! (n_reals)
+    integer(c_int), intent(in) :: choices(:)      !! (n_choices)
+    type(parameters_t) :: p
+    p%force = reals(1)
+    p%mesh_frequency_ratio = reals(2)
+    p%flank_scale = reals(3)
+    p%peak_to_peak = reals(4)
+    p%damping_ratio = reals(5)
+    p%restitution = reals(6)
+    p%backlash = reals(7)
+    p%tolerance = reals(8)
+    p%contact_law = choices(1)
+    p%impact_law = choices(2)
+    p%gap = choices(3)
+    p%back_flank_te = choices(4) == 1
+  end function parameters_from
+
+  pure function numerics_from(reals, choices) result(numerics)
+    real(c_double), intent(in) :: reals(:)        !! (n_reals)
+    integer(c_int), intent(in) :: choices(:)      !! (n_choices)
+    type(numerics_t) :: numerics
+    numerics%tolerance = reals(8)
+    numerics%chatter_tolerance = reals(9)
+    numerics%max_events_per_cycle = choices(5)
+    numerics%max_steps_per_cycle = choices(6)
+  end function numerics_from
+
+  function recorder_from(reals, choices) result(recorder)
+    real(c_double), intent(in) :: reals(:)        !! (n_reals)
+    integer(c_int), intent(in) :: choices(:)      !! (n_choices)
+    type(recorder_t) :: recorder
+    recorder%count_depth = reals(10)
+    recorder%graze_distance = reals(11)
+    recorder%want_events = choices(7) == 1
+    recorder%want_impacts = choices(8) == 1
+    recorder%want_grazes = choices(9) == 1
+    recorder%want_strobe = choices(10) == 1
+    recorder%want_cycles = choices(11) == 1
+  end function recorder_from
+
+  !> See `api`.
+  subroutine go_on_with_trajectory(knots, coefficients, kinks, reals, choices, start, target, &
+      seconds, blob, sample_time, samples, log, cycles, done)
+    real(c_double), intent(in) :: knots(:)                          !! mesh phase
+    real(c_double), intent(in) :: coefficients(:, :)                !! (6, n)
+    integer(c_int), intent(in) :: kinks(:)                          !! 1: slope jump
+    real(c_double), intent(in) :: reals(:)                          !! (n_reals)
+    integer(c_int), intent(in) :: choices(:)                        !! (n_choices)
+    real(c_double), intent(in) :: start(4)                          !! how to begin
+    real(c_double), intent(in) :: target(2)                         !! cycle, time in it
+    real(c_double), intent(in) :: seconds                           !! time for this call
+    real(c_double), intent(inout) :: blob(:)                        !! run under way
+    real(c_double), intent(in), target, contiguous :: sample_time(:, :)     !! (2, n)
+    real(c_double), intent(inout), target, contiguous :: samples(:, :)      !! (3, n)
+    real(c_double), intent(inout), target, contiguous :: log(:, :)          !! (6, room)
+    real(c_double), intent(inout), target, contiguous :: cycles(:, :)       !! (17, room)
+    real(c_double), intent(out) :: done(8)                          !! how far it came
+    type(oscillator_t) :: system
+    type(hybrid_state_t) :: state
+    type(recorder_t) :: recorder
+    type(work_t) :: work
+    real(wp) :: phi, phi_dot
+    integer :: status
+    system = oscillator(parameters_from(reals, choices), knots, coefficients, kinks == 1)
+    recorder = recorder_from(reals, choices)
+    if (start(1) > -1.5_wp) then
+      state%instant = start_at_rest(system, start(4))
+      if (start(1) >= 0) state%instant = start_from(system, start(4), nint(start(1)), start(2), &
+          start(3))
+    else
+      call unpack_blob(blob, state, recorder%sums, work)
+      call start_recording(recorder)
+    end if
+    recorder%log => log
+    recorder%cycles => cycles
+    ! f2py passes no empty array: a single sample before the first cycle means none.
+    if (sample_time(1, 1) >= 0) then
+      recorder%sample_time => sample_time
+      recorder%samples => samples
+    end if
+    call run_to(system, numerics_from(reals, choices), nint(target(1)), target(2), &
+        deadline_in(seconds), state, recorder, work, status)
+    call pack_blob(state, recorder%sums, work, blob)
+    call system%observe(state%instant, phi, phi_dot)
+    done = [real([status, recorder%sums%n_log, recorder%sums%n_cycles, state%instant%cycle], wp), &
+        state%instant%t, real(state%instant%motion_state, wp), phi, phi_dot]
+  end subroutine go_on_with_trajectory
+
+  !> See `api`.
+  subroutine go_on_with_sweep(knots, coefficients, kinks, reals, choices, phase, lines, seconds, &
+      n_threads, blobs, cycles, log, outcome)
+    real(c_double), intent(in) :: knots(:)                          !! mesh phase
+    real(c_double), intent(in) :: coefficients(:, :)                !! (6, n)
+    integer(c_int), intent(in) :: kinks(:)                          !! 1: slope jump
+    real(c_double), intent(in) :: reals(:, :)                       !! (n_reals, n_points)
+    integer(c_int), intent(in) :: choices(:)                        !! (n_choices)
+    real(c_double), intent(in) :: phase                             !! start phase
+    integer(c_int), intent(inout) :: lines(:, :)                    !! (5, n_lines)
+    real(c_double), intent(in) :: seconds                           !! time for this call
+    integer(c_int), intent(in) :: n_threads                         !! threads
+    real(c_double), intent(inout) :: blobs(:, :)                    !! runs under way
+    real(c_double), intent(inout), target, contiguous :: cycles(:, :, :)   !! (17, record, points)
+    real(c_double), intent(inout), target, contiguous :: log(:, :, :)      !! (6, room, points)
+    real(c_double), intent(inout), target, contiguous :: outcome(:, :)     !! (columns, points)
+    type(sweep_t) :: sweep
+    type(line_t) :: line(size(lines, 2))
+    integer :: i
+    allocate (sweep%point(size(reals, 2)))
+    do i = 1, size(reals, 2)
+      sweep%point(i) = parameters_from(reals(:, i), choices)
+    end do
+    sweep%knots = knots
+    sweep%coefficients = coefficients
+    sweep%kinks = kinks == 1
+    sweep%numerics = numerics_from(reals(:, 1), choices)
+    sweep%recorder = recorder_from(reals(:, 1), choices)
+    sweep%settle = choices(12)
+    sweep%record = choices(13)
+    sweep%phase = phase
+    sweep%cycles => cycles
+    sweep%log => log
+    sweep%outcome => outcome
+    do i = 1, size(line)
+      line(i) = line_t(lines(1, i), lines(2, i), lines(3, i) == 1, lines(4, i), lines(5, i))
+    end do
+    call sweep_lines(sweep, line, blobs, deadline_in(seconds), n_threads)
+    do i = 1, size(line)
+      lines(4:5, i) = [line(i)%point, line(i)%stage]
+    end do
+  end subroutine go_on_with_sweep
+end module lapwing_marshal

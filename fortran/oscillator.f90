@@ -1,0 +1,397 @@
+!> The reduced lapping oscillator: theta'' = F in flight, a damped spring in contact, flanks that
+!> move with the transmission error. Equations: docs/model.md.
+!>
+!> Local coordinates are z = (position, velocity) in the Galilean frame that at s = 0 stands and
+!> moves with the flank last touched, y = (distance, velocity) relative to that flank. The flank
+!> then starts at zero with zero slope, and a bounce of any size keeps its relative precision.
+module lapwing_oscillator
+  use lapwing_kinds, only: wp
+  use lapwing_codes, only: separation, engagement, back_engagement, drive_flank, coast_flank, &
+      law_compliant, law_rigid, law_absolute, gap_symmetric, gap_one_flank
+  use lapwing_polynomial, only: max_degree, horner, horner_slope, taylor_shift
+  use lapwing_system, only: system_t, instant_t, frame_t, motion_t, max_states, dense_degree
+  use lapwing_transmission_error, only: te_table_t, te_table, locate_piece, expand_at, &
+      flank_motion_at
+  implicit none
+  private
+  public :: oscillator_t, parameters_t, oscillator, start_at_rest, start_from
+
+  !> Everything dimensionless that defines an oscillator but its table.
+  type :: parameters_t
+    real(wp) :: force = 1                 !! F, rad
+    real(wp) :: mesh_frequency_ratio = 1  !! Omega
+    real(wp) :: flank_scale = 1           !! g / transmission error, +i12 or -i12
+    real(wp) :: peak_to_peak = 0          !! of g, rad
+    real(wp) :: damping_ratio = 0         !! xi
+    real(wp) :: restitution = 1           !! epsilon
+    real(wp) :: backlash = 1              !! theta0, rad
+    real(wp) :: tolerance = 1.0e-10_wp    !! relative; decides which curvature jumps are felt
+    integer :: contact_law = 1            !! law_*
+    integer :: impact_law = 1             !! law_*
+    integer :: gap = 1                    !! gap_*
+    logical :: back_flank_te = .true.     !! whether the coast flank moves with g
+  end type parameters_t
+
+  type, extends(system_t) :: oscillator_t
+    type(te_table_t) :: table             !! g over one mesh period
+    real(wp) :: force = 1                 !! F, rad
+    real(wp) :: damping = 0               !! 2 xi
+    real(wp) :: width = 1                 !! distance between the flanks, rad
+    real(wp) :: angle_scale = 1           !! natural size of angles, rad
+    real(wp) :: flight_velocity_scale = 1 !! natural size of velocities in flight
+    logical :: absolute = .false.         !! impact law of absolute velocities
+    logical :: coast_moves = .true.       !! whether the coast flank moves with g
+  contains
+    procedure :: open_frame, next_piece, derivatives, gap, contact, commit, pressing
+    procedure :: rebound, sums_chatter, launch, pass_knot, scales, observe, stages
+  end type oscillator_t
+
+contains
+
+  !> Oscillator from its parameters and its transmission error over mesh phase.
+  function oscillator(parameters, knots, coefficients, kinks) result(self)
+    type(parameters_t), intent(in) :: parameters  !! dimensionless parameters
+    real(wp), intent(in) :: knots(:)              !! (n + 1) mesh phase, 0 to 1
+    real(wp), intent(in) :: coefficients(0:, :)   !! (0:5, n) rad per mesh period**k
+    logical, intent(in) :: kinks(:)               !! (n) slope jump at knots(i)
+    type(oscillator_t) :: self
+    real(wp), parameter :: two_pi = 8*atan(1.0_wp)
+    associate (p => parameters)
+      self%n_states = 2
+      self%n_flanks = merge(1, 2, p%gap == gap_one_flank)
+      self%period = two_pi/p%mesh_frequency_ratio
+      self%compliant = p%contact_law == law_compliant
+      self%rigid = p%contact_law == law_rigid
+      self%restitution = p%restitution
+      self%force = p%force
+      self%damping = 2*p%damping_ratio
+      self%width = merge(2*p%backlash, p%backlash, p%gap == gap_symmetric)
+      self%absolute = p%impact_law == law_absolute
+      self%coast_moves = p%back_flank_te
+      self%angle_scale = min(p%backlash, max(abs(p%force), p%peak_to_peak))
+      if (self%angle_scale <= 0) self%angle_scale = p%backlash
+      self%flight_velocity_scale = self%angle_scale*min(1.0_wp, p%mesh_frequency_ratio)
+      self%table = te_table(knots, coefficients, kinks, p%flank_scale, self%period, &
+          felt_jump(p, self%angle_scale))
+    end associate
+  end function oscillator
+
+  !> Smallest curvature jump of g that a step in contact may not cross.
+  !>
+  !> A jump D of g'' bends the contact acceleration by 2 xi D s + D s**2/2; over a step of unit
+  !> length (a sixth of the natural period, longer ones are not accurate) that is a velocity of
+  !> D (xi + 1/6) which no fourth-order step sees. Felt is what exceeds the tolerance.
+  pure real(wp) function felt_jump(p, angle_scale)
+    type(parameters_t), intent(in) :: p      !! dimensionless parameters
+    real(wp), intent(in) :: angle_scale      !! natural size of angles
+    felt_jump = p%tolerance*angle_scale/(p%damping_ratio + 1.0_wp/6)
+  end function felt_jump
+
+  !> Start `rest`: the tooth rests on the flank that F presses it to, moving with it. A negative F
+  !> wants a coast flank.
+  function start_at_rest(self, phase) result(instant)
+    type(oscillator_t), intent(in) :: self   !! oscillator
+    real(wp), intent(in) :: phase            !! mesh phase, periods
+    type(instant_t) :: instant
+    real(wp) :: deflection
+    instant%t = phase*self%period
+    instant%piece = locate_piece(self%table, instant%t, 1)
+    deflection = merge(0.0_wp, self%force, self%rigid)
+    instant%y(1:2) = [deflection, 0.0_wp]
+    instant%motion_state = engagement
+    if (self%force < 0) then
+      instant%motion_state = back_engagement
+      instant%chart = coast_flank
+    end if
+  end function start_at_rest
+
+  !> Start from a motion state, phi and phi'.
+  function start_from(self, phase, motion_state, phi, phi_dot) result(instant)
+    type(oscillator_t), intent(in) :: self     !! oscillator
+    real(wp), intent(in) :: phase              !! mesh phase, periods
+    integer, intent(in) :: motion_state        !! separation, engagement or back_engagement
+    real(wp), intent(in) :: phi, phi_dot       !! rad, rad per tau
+    type(instant_t) :: instant
+    real(wp) :: g, slope
+    instant%t = phase*self%period
+    instant%piece = locate_piece(self%table, instant%t, 1)
+    instant%motion_state = motion_state
+    instant%y(1:2) = [phi, phi_dot]
+    if (motion_state == back_engagement) then
+      instant%chart = coast_flank
+      instant%y(1) = phi + self%width
+      if (.not. self%coast_moves) then
+        call flank_motion_at(self%table, instant%t, instant%piece, g, slope)
+        instant%y(1:2) = instant%y(1:2) + [g, slope]
+      end if
+    end if
+    if (self%rigid .and. motion_state /= separation) instant%y(1:2) = 0
+  end function start_from
+
+  !> Open the Galilean frame of the flank last touched.
+  pure subroutine open_frame(self, instant, frame, z)
+    class(oscillator_t), intent(in) :: self
+    type(instant_t), intent(in) :: instant       !! where the step begins
+    type(frame_t), intent(out) :: frame          !! its frame
+    real(wp), intent(out) :: z(max_states)       !! local coordinates of the instant
+    real(wp) :: g(0:max_degree)
+    associate (table => self%table)
+      frame%piece = locate_piece(table, instant%t, instant%piece)
+      frame%chart = instant%chart
+      frame%t = instant%t
+      frame%piece_end = table%knot(frame%piece + 1) - instant%t
+      frame%stop_knot = table%next_kink(frame%piece)
+      if (instant%motion_state /= separation .and. .not. self%rigid) &
+          frame%stop_knot = table%next_felt(frame%piece)
+      frame%stop = table%knot(frame%stop_knot) - instant%t
+      call expand_at(table, frame%piece, instant%t, g)
+    end associate
+    frame%origin = g(0)
+    if (frame%chart == drive_flank .or. self%coast_moves) then
+      frame%origin_rate = g(1)
+      g(0:1) = 0
+    end if
+    frame%flank(:, drive_flank) = g
+    if (self%coast_moves) then
+      frame%flank(:, coast_flank) = g
+    else if (frame%chart == drive_flank) then
+      frame%flank(0:1, coast_flank) = [-frame%origin, -frame%origin_rate]
+    end if
+    if (frame%chart == drive_flank) then
+      frame%flank(0, coast_flank) = frame%flank(0, coast_flank) - self%width
+    else
+      frame%flank(0, drive_flank) = frame%flank(0, drive_flank) + self%width
+    end if
+    z = instant%y
+  end subroutine open_frame
+
+  !> Carry position and velocity of the flanks over to the next piece, whose bend takes over.
+  pure subroutine next_piece(self, frame)
+    class(oscillator_t), intent(in) :: self
+    type(frame_t), intent(inout) :: frame        !! frame, moved one piece on
+    real(wp) :: span, position, slope
+    integer :: flank
+    span = frame%piece_end - frame%piece_begin
+    frame%piece = frame%piece + 1
+    frame%piece_begin = frame%piece_end
+    frame%piece_end = self%table%knot(frame%piece + 1) - frame%t
+    do flank = 1, self%n_flanks
+      position = horner(frame%flank(:, flank), span)
+      slope = horner_slope(frame%flank(:, flank), span)
+      if (flank == drive_flank .or. self%coast_moves) then
+        ! Off kinks the jump is rounding, but left out it would add up to a mean force.
+        slope = slope + self%table%slope_jump(frame%piece)
+        frame%flank(2:, flank) = self%table%coefficient(2:, frame%piece)
+      end if
+      frame%flank(0:1, flank) = [position, slope]
+    end do
+  end subroutine next_piece
+
+  !> Flight under the constant force, or the damped spring of the flank in contact.
+  pure subroutine derivatives(self, frame, motion_state, s, z, rate)
+    class(oscillator_t), intent(in) :: self
+    type(frame_t), intent(in) :: frame           !! frame as opened
+    integer, intent(in) :: motion_state          !! motion state
+    real(wp), intent(in) :: s                    !! time since the frame was opened
+    real(wp), intent(in) :: z(:)                 !! position and velocity
+    real(wp), intent(out) :: rate(:)             !! velocity and acceleration
+    real(wp) :: position, slope
+    rate(1) = z(2)
+    rate(2) = self%force
+    if (motion_state == separation) return
+    call flank_in_frame(self, frame, motion_state, s, position, slope)
+    rate(2) = self%force - self%damping*(z(2) - slope) - (z(1) - position)
+  end subroutine derivatives
+
+  !> Position and velocity, in the frame, of the flank in contact (a contact state has its number).
+  pure subroutine flank_in_frame(self, frame, flank, s, position, slope)
+    class(oscillator_t), intent(in) :: self
+    type(frame_t), intent(in) :: frame           !! frame as opened
+    integer, intent(in) :: flank                 !! flank in contact
+    real(wp), intent(in) :: s                    !! time since the frame was opened
+    real(wp), intent(out) :: position, slope     !! in the frame
+    integer :: piece
+    real(wp) :: x
+    if (s <= frame%piece_end .or. (flank == coast_flank .and. .not. self%coast_moves)) then
+      position = horner(frame%flank(:, flank), s)
+      slope = horner_slope(frame%flank(:, flank), s)
+    else
+      ! At the last stage a kink that ends the step has not happened yet.
+      piece = min(locate_piece(self%table, frame%t + s, frame%piece), frame%stop_knot - 1)
+      x = frame%t + s - self%table%knot(piece)
+      position = horner(self%table%coefficient(:, piece), x) - frame%origin - frame%origin_rate*s
+      slope = horner_slope(self%table%coefficient(:, piece), x) - frame%origin_rate
+    end if
+  end subroutine flank_in_frame
+
+  !> The stages with derivatives in place: the same text as `stages_by_dispatch`.
+  subroutine stages(self, frame, motion_state, h, z, k)
+    use lapwing_rk4_tableau, only: n_stages, a21, a31, a32, a41, a42, a43, a51, a52, a53, a54, &
+        b1, b3, b4, b5, c2, c3, c4, c5
+    class(oscillator_t), intent(in) :: self
+    type(frame_t), intent(in) :: frame                  !! frame as opened
+    integer, intent(in) :: motion_state                 !! motion state
+    real(wp), intent(in) :: h                           !! step
+    real(wp), intent(in) :: z(max_states)               !! local coordinates at s = 0
+    real(wp), intent(out) :: k(max_states, n_stages)    !! stage derivatives; the last is at s = h
+    integer, parameter :: n = 2
+    include 'rk4_stages.inc'
+  contains
+    subroutine rate_of_change(s, at, rate)
+      real(wp), intent(in) :: s         !! time since the frame was opened
+      real(wp), intent(in) :: at(n)     !! local coordinates
+      real(wp), intent(out) :: rate(n)  !! their rates
+      real(wp) :: position, slope
+      rate(1) = at(2)
+      rate(2) = self%force
+      if (motion_state == separation) return
+      call flank_in_frame(self, frame, motion_state, s, position, slope)
+      rate(2) = self%force - self%damping*(at(2) - slope) - (at(1) - position)
+    end subroutine rate_of_change
+  end subroutine stages
+
+  !> Distance to a flank over the frame's piece.
+  pure subroutine gap(self, frame, flank, motion, c)
+    class(oscillator_t), intent(in) :: self
+    type(frame_t), intent(in) :: frame           !! frame
+    integer, intent(in) :: flank                 !! drive_flank or coast_flank
+    type(motion_t), intent(in) :: motion         !! step as a polynomial
+    real(wp), intent(out) :: c(0:max_degree)     !! coefficients in s - piece_begin
+    real(wp) :: position(0:dense_degree), inverse, power
+    integer :: k
+    inverse = 1/motion%h
+    power = 1
+    do k = 0, dense_degree
+      position(k) = motion%dense(k, 1)*power
+      power = power*inverse
+    end do
+    if (frame%piece_begin > 0) call taylor_shift(position, frame%piece_begin)
+    c = frame%flank(:, flank)
+    c(0:dense_degree) = c(0:dense_degree) - position
+    if (flank == coast_flank) c = -c
+  end subroutine gap
+
+  !> Distance and approach velocity to a flank at s within the frame's piece.
+  pure subroutine contact(self, frame, flank, s, z, distance, approach)
+    class(oscillator_t), intent(in) :: self
+    type(frame_t), intent(in) :: frame           !! frame
+    integer, intent(in) :: flank                 !! flank
+    real(wp), intent(in) :: s                    !! time since the frame was opened
+    real(wp), intent(in) :: z(max_states)        !! local coordinates
+    real(wp), intent(out) :: distance            !! positive in separation, rad
+    real(wp), intent(out) :: approach            !! - d(distance)/d(tau)
+    real(wp) :: y(max_states)
+    call commit(self, frame, s, z, flank, y)
+    distance = merge(-y(1), y(1), flank == drive_flank)
+    approach = merge(y(2), -y(2), flank == drive_flank)
+  end subroutine contact
+
+  !> Position and velocity relative to a flank at s within the frame's piece.
+  pure subroutine commit(self, frame, s, z, chart, y)
+    class(oscillator_t), intent(in) :: self
+    type(frame_t), intent(in) :: frame           !! frame
+    real(wp), intent(in) :: s                    !! time since the frame was opened
+    real(wp), intent(in) :: z(max_states)        !! local coordinates
+    integer, intent(in) :: chart                 !! flank to refer to
+    real(wp), intent(out) :: y(max_states)       !! state variables
+    real(wp) :: x
+    x = s - frame%piece_begin
+    y = 0
+    y(1) = z(1) - horner(frame%flank(:, chart), x)
+    y(2) = z(2) - horner_slope(frame%flank(:, chart), x)
+  end subroutine commit
+
+  !> F - g'' at the drive flank, its opposite at the coast flank.
+  pure subroutine pressing(self, frame, flank, c)
+    class(oscillator_t), intent(in) :: self
+    type(frame_t), intent(in) :: frame           !! frame
+    integer, intent(in) :: flank                 !! flank
+    real(wp), intent(out) :: c(0:max_degree)     !! coefficients in s - piece_begin
+    integer :: k
+    c = 0
+    do k = 0, max_degree - 2
+      c(k) = -(k + 1)*(k + 2)*frame%flank(k + 2, flank)
+    end do
+    c(0) = c(0) + self%force
+    if (flank == coast_flank) c = -c
+  end subroutine pressing
+
+  !> phi'+ = -eps phi'-; `absolute`: theta'+ = -eps theta'-.
+  pure real(wp) function rebound(self, frame, flank, s, approach)
+    class(oscillator_t), intent(in) :: self
+    type(frame_t), intent(in) :: frame           !! frame
+    integer, intent(in) :: flank                 !! flank struck
+    real(wp), intent(in) :: s                    !! time since the frame was opened
+    real(wp), intent(in) :: approach             !! approach velocity before
+    real(wp) :: flank_velocity
+    rebound = -self%restitution*approach
+    if (.not. self%absolute) return
+    if (flank == coast_flank .and. .not. self%coast_moves) return
+    flank_velocity = frame%origin_rate &
+        + horner_slope(frame%flank(:, flank), s - frame%piece_begin)
+    if (flank == coast_flank) flank_velocity = -flank_velocity
+    rebound = rebound - (1 + self%restitution)*flank_velocity
+  end function rebound
+
+  !> Under `absolute` rebounds from a moving flank tend to a finite speed.
+  pure logical function sums_chatter(self, flank)
+    class(oscillator_t), intent(in) :: self
+    integer, intent(in) :: flank                 !! flank
+    sums_chatter = .not. self%absolute .or. (flank == coast_flank .and. .not. self%coast_moves)
+  end function sums_chatter
+
+  !> On the flank, with the given approach velocity.
+  pure subroutine launch(self, flank, approach, y)
+    class(oscillator_t), intent(in) :: self
+    integer, intent(in) :: flank                 !! flank the chart refers to
+    real(wp), intent(in) :: approach             !! approach velocity, negative: leaves
+    real(wp), intent(inout) :: y(max_states)     !! state variables in the flank's chart
+    y(1:self%n_states) = [0.0_wp, merge(approach, -approach, flank == drive_flank)]
+  end subroutine launch
+
+  !> Through a kink theta and theta' are continuous: phi' loses what g' gains.
+  pure subroutine pass_knot(self, knot, instant, is_kink, jump)
+    class(oscillator_t), intent(in) :: self
+    integer, intent(in) :: knot                  !! knot reached
+    type(instant_t), intent(inout) :: instant    !! state before, then after
+    logical, intent(out) :: is_kink              !! whether the flank's slope jumps here
+    real(wp), intent(out) :: jump                !! added to phi'
+    if (knot > self%table%n) then
+      instant%cycle = instant%cycle + 1
+      instant%t = 0
+      instant%piece = 1
+    else
+      instant%t = self%table%knot(knot)
+      instant%piece = knot
+    end if
+    is_kink = self%table%kink(knot)
+    jump = -self%table%slope_jump(knot)
+    if (instant%chart == drive_flank .or. self%coast_moves) instant%y(2) = instant%y(2) + jump
+  end subroutine pass_knot
+
+  !> Angles by the smallest of backlash and motion; velocities by that per unit of tau, or per
+  !> mesh radian in flight where that is slower.
+  pure subroutine scales(self, motion_state, scale)
+    class(oscillator_t), intent(in) :: self
+    integer, intent(in) :: motion_state          !! motion state
+    real(wp), intent(out) :: scale(max_states)   !! sizes
+    scale = self%angle_scale
+    if (motion_state == separation) scale(2) = self%flight_velocity_scale
+  end subroutine scales
+
+  !> phi and phi', whatever the chart.
+  pure subroutine observe(self, instant, phi, phi_dot)
+    class(oscillator_t), intent(in) :: self
+    type(instant_t), intent(in) :: instant       !! where the system is
+    real(wp), intent(out) :: phi, phi_dot        !! rad, rad per tau
+    real(wp) :: g, slope
+    phi = instant%y(1)
+    phi_dot = instant%y(2)
+    if (instant%chart == drive_flank) return
+    phi = phi - self%width
+    if (self%coast_moves) return
+    call flank_motion_at(self%table, instant%t, instant%piece, g, slope)
+    phi = phi - g
+    phi_dot = phi_dot - slope
+  end subroutine observe
+end module lapwing_oscillator

@@ -1,0 +1,256 @@
+!> Polynomials of low degree on a short interval: values, shifts, and every root isolated.
+!>
+!> A polynomial is its coefficients c(0:d), lowest power first. Roots are isolated by the sign
+!> variations of the Bernstein coefficients (Descartes' rule on an interval: no variation, no
+!> root; one variation, exactly one root), intervals with more are halved.
+module lapwing_polynomial
+  use lapwing_kinds, only: wp
+  implicit none
+  private
+  public :: max_degree, horner, horner_slope, taylor_shift, bernstein, first_zero, critical_points
+  public :: lift_off, first_nonzero
+
+  integer, parameter :: max_degree = 5
+  !> Halvings before two roots closer than 2**-48 of the interval are treated as one.
+  integer, parameter :: max_depth = 48
+  !> Newton steps of the bracketed solver; bisection alone would need fewer than this.
+  integer, parameter :: max_iterations = 80
+
+contains
+
+  !> Value at x.
+  pure real(wp) function horner(c, x)
+    real(wp), intent(in) :: c(0:)  !! coefficients
+    real(wp), intent(in) :: x      !! argument
+    integer :: i
+    horner = c(ubound(c, 1))
+    do i = ubound(c, 1) - 1, 0, -1
+      horner = horner*x + c(i)
+    end do
+  end function horner
+
+  !> First derivative at x.
+  pure real(wp) function horner_slope(c, x)
+    real(wp), intent(in) :: c(0:)  !! coefficients
+    real(wp), intent(in) :: x      !! argument
+    integer :: i
+    horner_slope = ubound(c, 1)*c(ubound(c, 1))
+    do i = ubound(c, 1) - 1, 1, -1
+      horner_slope = horner_slope*x + i*c(i)
+    end do
+  end function horner_slope
+
+  !> Coefficients about x instead of 0 (repeated synthetic division).
+  pure subroutine taylor_shift(c, x)
+    real(wp), intent(inout) :: c(0:)  !! coefficients, re-expanded in place
+    real(wp), intent(in) :: x         !! new origin
+    integer :: i, k
+    do i = 0, ubound(c, 1) - 1
+      do k = ubound(c, 1) - 1, i, -1
+        c(k) = c(k) + x*c(k + 1)
+      end do
+    end do
+  end subroutine taylor_shift
+
+  !> Bernstein coefficients on [0, 1]: b_j = sum_i C(j,i)/C(d,i) c_i.
+  pure function bernstein(c) result(b)
+    real(wp), intent(in) :: c(0:max_degree)  !! coefficients
+    real(wp) :: b(0:max_degree)
+    real(wp), parameter :: inverse_binomial(0:max_degree) = &
+        [1.0_wp, 0.2_wp, 0.1_wp, 0.1_wp, 0.2_wp, 1.0_wp]
+    integer :: i, k
+    b = c*inverse_binomial
+    do i = 1, max_degree
+      do k = max_degree, i, -1
+        b(k) = b(k) + b(k - 1)
+      end do
+    end do
+  end function bernstein
+
+  !> Make a polynomial that leaves zero at the origin positive there: divide by x as often as the
+  !> leading coefficient is not positive. `times` tells how often.
+  pure subroutine lift_off(c, times)
+    real(wp), intent(inout) :: c(0:max_degree)  !! coefficients
+    integer, intent(out) :: times               !! divisions made; max_degree + 1: nothing left
+    do times = 0, max_degree
+      if (c(0) > 0) return
+      c(0:max_degree - 1) = c(1:max_degree)
+      c(max_degree) = 0
+    end do
+  end subroutine lift_off
+
+  !> First x in (0, length] where a polynomial that is positive at 0 is no longer positive.
+  pure subroutine first_zero(c, length, found, x)
+    real(wp), intent(in) :: c(0:max_degree)  !! coefficients, c(0) > 0
+    real(wp), intent(in) :: length           !! interval
+    logical, intent(out) :: found            !! whether there is one
+    real(wp), intent(out) :: x               !! where
+    real(wp) :: scaled(0:max_degree), b(0:max_degree)
+    call scale_to_unit(c, length, scaled)
+    b = bernstein(scaled)
+    found = .false.
+    x = length
+    if (minval(b) > 0) return
+    ! Not a number: nothing to isolate; whoever moves the state sees it and says so.
+    if (.not. abs(sum(b)) <= huge(x)) return
+    call first_zero_on_unit(scaled, b, found, x)
+    x = x*length
+  end subroutine first_zero
+
+  pure subroutine scale_to_unit(c, length, scaled)
+    real(wp), intent(in) :: c(0:max_degree)        !! coefficients
+    real(wp), intent(in) :: length                 !! interval that becomes [0, 1]
+    real(wp), intent(out) :: scaled(0:max_degree)  !! coefficients on it
+    real(wp) :: power
+    integer :: i
+    power = 1
+    do i = 0, max_degree
+      scaled(i) = c(i)*power
+      power = power*length
+    end do
+  end subroutine scale_to_unit
+
+  !> Leftmost sign change on [0, 1], by halving until one variation is left.
+  pure subroutine first_zero_on_unit(c, b_whole, found, x)
+    real(wp), intent(in) :: c(0:max_degree)        !! coefficients
+    real(wp), intent(in) :: b_whole(0:max_degree)  !! Bernstein coefficients on [0, 1]
+    logical, intent(out) :: found                  !! whether there is one
+    real(wp), intent(out) :: x                     !! where
+    real(wp) :: b(0:max_degree, 0:max_depth), lower(0:max_depth), width(0:max_depth)
+    integer :: top, variations
+    found = .false.
+    x = 1  ! the end, unless something is found before it
+    top = 0
+    b(:, 0) = b_whole
+    lower(0) = 0
+    width(0) = 1
+    do while (top >= 0)
+      variations = sign_variations(b(:, top))
+      if (b(0, top) <= 0) then
+        found = .true.
+        x = lower(top)
+        return
+      else if (variations == 0) then
+        ! Only the interval at the bottom of the stack ends where the polynomial does.
+        found = top == 0 .and. b(max_degree, top) <= 0
+        if (found) return
+        top = top - 1
+      else if (variations == 1 .and. b(max_degree, top) <= 0) then
+        found = .true.
+        x = bracketed_root(c, lower(top), lower(top) + width(top))
+        return
+      else if (top == max_depth) then
+        ! A double root to the last bits: it counts where the polynomial does not stay positive.
+        found = min(horner(c, lower(top) + 0.5_wp*width(top)), minval(b(:, top))) <= 0
+        x = lower(top) + 0.5_wp*width(top)
+        if (found) return
+        x = 1
+        top = top - 1
+      else
+        call halve(b, lower, width, top)
+      end if
+    end do
+  end subroutine first_zero_on_unit
+
+  !> Replace the interval on top of the stack by its right half and put its left half above it.
+  pure subroutine halve(b, lower, width, top)
+    real(wp), intent(inout) :: b(0:max_degree, 0:max_depth)              !! Bernstein coefficients
+    real(wp), intent(inout) :: lower(0:max_depth), width(0:max_depth)    !! intervals
+    integer, intent(inout) :: top                                        !! top of the stack
+    integer :: i, k
+    real(wp) :: left(0:max_degree)
+    left(0) = b(0, top)
+    do i = 1, max_degree
+      do k = 0, max_degree - i
+        b(k, top) = 0.5_wp*(b(k, top) + b(k + 1, top))
+      end do
+      left(i) = b(0, top)
+    end do
+    width(top) = 0.5_wp*width(top)
+    lower(top + 1) = lower(top)
+    width(top + 1) = width(top)
+    lower(top) = lower(top) + width(top)
+    top = top + 1
+    b(:, top) = left
+  end subroutine halve
+
+  !> Number of sign changes in a row of coefficients, zeros passed over.
+  pure integer function sign_variations(b)
+    real(wp), intent(in) :: b(0:max_degree)  !! coefficients
+    integer :: i
+    real(wp) :: last
+    sign_variations = 0
+    last = b(0)
+    do i = 1, max_degree
+      if (b(i) == 0) cycle
+      if (last > 0 .neqv. b(i) > 0) sign_variations = sign_variations + 1
+      last = b(i)
+    end do
+  end function sign_variations
+
+  !> The one root between lower and upper (values of opposite sign): Newton kept in its bracket.
+  pure real(wp) function bracketed_root(c, lower, upper) result(x)
+    real(wp), intent(in) :: c(0:max_degree)  !! coefficients
+    real(wp), intent(in) :: lower, upper     !! bracket
+    real(wp) :: a, b, value, slope, step, sign_at_a
+    integer :: iteration
+    a = lower
+    b = upper
+    sign_at_a = merge(1.0_wp, -1.0_wp, horner(c, a) > 0)
+    x = a
+    do iteration = 1, max_iterations
+      value = horner(c, x)
+      slope = horner_slope(c, x)
+      if (sign_at_a*value > 0) then
+        a = x
+      else
+        b = x
+      end if
+      step = merge(-value/slope, huge(1.0_wp), slope /= 0)
+      if (x + step <= a .or. x + step >= b) then
+        if (abs(step) <= epsilon(x)*abs(x)) return
+        step = 0.5_wp*(a + b) - x
+      end if
+      x = x + step
+      if (abs(step) <= 2*epsilon(x)*abs(x) .or. value == 0) return
+    end do
+  end function bracketed_root
+
+  !> All x in (0, length) where the derivative changes sign, in increasing order.
+  pure subroutine critical_points(c, length, n, x)
+    real(wp), intent(in) :: c(0:max_degree)        !! coefficients
+    real(wp), intent(in) :: length                 !! interval
+    integer, intent(out) :: n                      !! number of points
+    real(wp), intent(out) :: x(max_degree)         !! the points
+    real(wp) :: derivative(0:max_degree), rest(0:max_degree), root, from
+    logical :: found
+    integer :: i, times
+    derivative = [(i*c(i), i = 1, max_degree), 0.0_wp]
+    n = 0
+    from = 0
+    do while (from < length .and. n < max_degree)
+      rest = derivative
+      call taylor_shift(rest, from)
+      if (n > 0) rest(0) = 0
+      if (first_nonzero(rest) < 0) rest = -rest
+      call lift_off(rest, times)
+      if (times > max_degree) return
+      call first_zero(rest, length - from, found, root)
+      if (.not. found .or. from + root >= length .or. root <= 0) return
+      from = from + root
+      n = n + 1
+      x(n) = from
+    end do
+  end subroutine critical_points
+
+  !> The lowest coefficient that is not zero, or zero.
+  pure real(wp) function first_nonzero(c)
+    real(wp), intent(in) :: c(0:)  !! coefficients
+    integer :: i
+    first_nonzero = 0
+    do i = 0, ubound(c, 1)
+      first_nonzero = c(i)
+      if (first_nonzero /= 0) return
+    end do
+  end function first_nonzero
+end module lapwing_polynomial

@@ -1,0 +1,92 @@
+!> One trajectory from where it is to a target, recorded.
+module lapwing_run
+  use lapwing_kinds, only: wp, int64
+  use lapwing_automaton, only: advance
+  use lapwing_codes, only: status_ok, status_unfinished
+  use lapwing_event_search, only: work_t
+  use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
+  use lapwing_recorder, only: recorder_t, record_segment, log_has_room, sample_at
+  use lapwing_system, only: system_t, instant_t
+  implicit none
+  private
+  public :: run_to, deadline_in, reached
+
+  !> Segments between two looks at the clock: some 30 microseconds.
+  integer, parameter :: segments_per_look = 128
+
+contains
+
+  !> Advance until the target is reached or passed, the deadline has come, the log is full, or
+  !> something has gone wrong. The state never stops inside a stretch, so that where a run is cut
+  !> changes nothing: it may end up to one step past the target.
+  subroutine run_to(system, numerics, target_cycle, target_t, deadline, state, recorder, work, &
+      status)
+    class(system_t), intent(in) :: system            !! what moves
+    type(numerics_t), intent(in) :: numerics         !! tolerances and bounds
+    integer, intent(in) :: target_cycle              !! cycle of the target
+    real(wp), intent(in) :: target_t                 !! time in it
+    integer(int64), intent(in) :: deadline           !! clock count at which to stop
+    type(hybrid_state_t), intent(inout) :: state     !! state, moved on
+    type(recorder_t), intent(inout) :: recorder      !! what is recorded
+    type(work_t), intent(inout) :: work              !! counts
+    integer, intent(out) :: status                   !! status_*
+    type(segment_t) :: segment
+    type(instant_t) :: before
+    integer :: looks
+    status = status_ok
+    looks = 0
+    do while (.not. reached(state%instant, target_cycle, target_t))
+      looks = looks + 1
+      if (.not. log_has_room(recorder)) status = status_unfinished
+      if (looks == segments_per_look) then
+        if (past(deadline)) status = status_unfinished
+        looks = 0
+      end if
+      if (status /= status_ok) return
+      before = state%instant
+      call advance(system, numerics, state, segment, work, status)
+      if (status /= status_ok) return
+      call record_segment(recorder, system, segment, before, work)
+    end do
+    if (associated(recorder%samples)) &
+        call sample_end(recorder, system, state%instant, work)
+  end subroutine run_to
+
+  !> A last sample exactly where the run ends belongs to no stretch.
+  subroutine sample_end(recorder, system, instant, work)
+    type(recorder_t), intent(inout) :: recorder      !! what is recorded
+    class(system_t), intent(in) :: system            !! what moves
+    type(instant_t), intent(in) :: instant           !! where the run ends
+    type(work_t), intent(inout) :: work              !! counts
+    do while (recorder%sums%next_sample <= size(recorder%samples, 2))
+      associate (time => recorder%sample_time(:, recorder%sums%next_sample))
+        if (nint(time(1)) /= instant%cycle .or. time(2) > instant%t) return
+      end associate
+      call sample_at(recorder, system, instant, work)
+    end do
+  end subroutine sample_end
+
+  !> Whether a target is reached.
+  pure logical function reached(instant, target_cycle, target_t)
+    type(instant_t), intent(in) :: instant           !! where the system is
+    integer, intent(in) :: target_cycle              !! cycle of the target
+    real(wp), intent(in) :: target_t                 !! time in it
+    reached = instant%cycle > target_cycle &
+        .or. (instant%cycle == target_cycle .and. instant%t >= target_t)
+  end function reached
+
+  !> Clock count so many seconds from now.
+  integer(int64) function deadline_in(seconds)
+    real(wp), intent(in) :: seconds                  !! seconds
+    integer(int64) :: now, rate
+    call system_clock(now, rate)
+    deadline_in = now + int(seconds*rate, int64)
+  end function deadline_in
+
+  logical function past(deadline)
+    integer(int64), intent(in) :: deadline           !! clock count
+    integer(int64) :: now
+    call system_clock(now)
+    past = now >= deadline
+  end function past
+end module lapwing_run

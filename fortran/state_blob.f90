@@ -1,0 +1,95 @@
+!> A run between two calls as one array of reals: everything that decides how it goes on.
+module lapwing_state_blob
+  use lapwing_kinds, only: wp
+  use lapwing_event_search, only: work_t
+  use lapwing_hybrid_state, only: hybrid_state_t
+  use lapwing_recorder, only: sums_t, max_flights
+  use lapwing_system, only: max_states
+  implicit none
+  private
+  public :: blob_size, work_size, pack_blob, unpack_blob, pack_work, unpack_work
+
+  integer, parameter :: work_size = 8
+  !> The counts come first: Python reads them there.
+  integer, parameter :: at = work_size
+  integer, parameter :: fixed_size = at + 35 + max_states
+  integer, parameter :: blob_size = fixed_size + max_flights
+
+contains
+
+  !> Write state, sums and counts.
+  pure subroutine pack_blob(state, sums, work, blob)
+    type(hybrid_state_t), intent(in) :: state    !! state
+    type(sums_t), intent(in) :: sums             !! observers' sums
+    type(work_t), intent(in) :: work             !! counts
+    real(wp), intent(out) :: blob(:)             !! (blob_size)
+    integer :: n
+    associate (instant => state%instant)
+      blob = 0
+      blob(1:work_size) = pack_work(work)
+      blob(at + 1:at + 6) = real([instant%motion_state, instant%chart, instant%touching, instant%cycle, &
+          instant%piece, state%events_in_cycle], wp)
+      blob(at + 7:at + 8) = [real(state%steps_in_cycle, wp), instant%t]
+      blob(at + 9:at + 14) = [state%memory%step, state%memory%ratio]
+    end associate
+    blob(at + 15:at + 20) = real([sums%n_log, sums%n_cycles, sums%next_sample, &
+        merge(1, 0, sums%strobe_due), sums%states_visited, sums%n_flights], wp)
+    blob(at + 21:at + 28) = sums%counter
+    blob(at + 29:at + 35) = [sums%flight_depth, sums%cycle_depth, sums%back_penetration, sums%strobe, &
+        sums%flight_depth_before]
+    blob(at + 36:fixed_size) = state%instant%y
+    n = sums%n_flights
+    blob(fixed_size + 1:fixed_size + n) = sums%flight(1:n)
+  end subroutine pack_blob
+
+  !> Read them back.
+  pure subroutine unpack_blob(blob, state, sums, work)
+    real(wp), intent(in) :: blob(:)               !! (blob_size)
+    type(hybrid_state_t), intent(out) :: state    !! state
+    type(sums_t), intent(out) :: sums             !! observers' sums
+    type(work_t), intent(out) :: work             !! counts
+    integer :: number(13), n
+    number = nint(blob(at + [1, 2, 3, 4, 5, 6, 7, 15, 16, 17, 18, 19, 20]))
+    associate (instant => state%instant)
+      instant%motion_state = number(1)
+      instant%chart = number(2)
+      instant%touching = number(3)
+      instant%cycle = number(4)
+      instant%piece = number(5)
+      instant%t = blob(at + 8)
+      instant%y = blob(at + 36:fixed_size)
+    end associate
+    state%events_in_cycle = number(6)
+    state%steps_in_cycle = number(7)
+    state%memory%step = blob(at + 9:at + 11)
+    state%memory%ratio = blob(at + 12:at + 14)
+    sums%n_log = number(8)
+    sums%n_cycles = number(9)
+    sums%next_sample = number(10)
+    sums%strobe_due = number(11) == 1
+    sums%states_visited = number(12)
+    sums%n_flights = number(13)
+    sums%counter = blob(at + 21:at + 28)
+    sums%flight_depth = blob(at + 29)
+    sums%cycle_depth = blob(at + 30)
+    sums%back_penetration = blob(at + 31)
+    sums%strobe = blob(at + 32:at + 34)
+    sums%flight_depth_before = blob(at + 35)
+    work = unpack_work(blob(1:work_size))
+    n = sums%n_flights
+    sums%flight(1:n) = blob(fixed_size + 1:fixed_size + n)
+  end subroutine unpack_blob
+
+  pure function pack_work(work) result(array)
+    type(work_t), intent(in) :: work   !! counts
+    real(wp) :: array(work_size)
+    array = [work%steps, work%rejected, work%polish_steps, work%drive_searches, &
+        work%coast_searches, work%samples, work%depth_searches, work%graze_searches]
+  end function pack_work
+
+  pure function unpack_work(array) result(work)
+    real(wp), intent(in) :: array(work_size)   !! counts
+    type(work_t) :: work
+    work = work_t(array(1), array(2), array(3), array(4), array(5), array(6), array(7), array(8))
+  end function unpack_work
+end module lapwing_state_blob

@@ -1,0 +1,67 @@
+!> The step rule: proportional-integral control of the local error.
+!>
+!> Gustafsson, Lundh and Soderlind, BIT 28 (1988) 270-287; exponents as in Hairer and Wanner,
+!> Solving Ordinary Differential Equations II, section IV.2. Each motion state keeps a memory of
+!> its own, so that a flight does not lengthen the first step in contact, nor a contact shorten
+!> the next flight.
+module lapwing_step_control
+  use lapwing_kinds, only: wp
+  implicit none
+  private
+  public :: step_memory_t, error_ratio, after_accepted, after_rejected
+
+  !> Share of the tolerance that one step may spend. A mesh period in contact takes hundreds of
+  !> steps whose errors add up; with this share the error of an event time stays below
+  !> `rtol` mesh periods, times what the dynamics make of it (tests/test_convergence.py).
+  real(wp), parameter :: share_per_step = 1.0_wp/256
+  !> The estimate falls as h**4.
+  real(wp), parameter :: error_order = 4
+  real(wp), parameter :: proportional = 0.7_wp/error_order
+  real(wp), parameter :: integral = 0.4_wp/error_order
+  real(wp), parameter :: safety = 0.9_wp
+  real(wp), parameter :: most_growth = 5
+  real(wp), parameter :: most_shrinkage = 0.1_wp
+  !> Keeps the integral term finite where a step was exact.
+  real(wp), parameter :: least_ratio = 1.0e-4_wp
+
+  !> What the rule remembers of one motion state.
+  type :: step_memory_t
+    real(wp) :: step = huge(1.0_wp)   !! step to try next
+    real(wp) :: ratio = 1             !! error ratio of the step before
+  end type step_memory_t
+
+contains
+
+  !> Largest estimated error in units of the tolerance.
+  pure real(wp) function error_ratio(error, scale, tolerance)
+    real(wp), intent(in) :: error(:)    !! estimated errors
+    real(wp), intent(in) :: scale(:)    !! natural sizes
+    real(wp), intent(in) :: tolerance   !! relative tolerance of the run
+    error_ratio = maxval(error/scale)/(share_per_step*tolerance)
+  end function error_ratio
+
+  !> Remember an accepted step. A step cut short by a stop never shortens the next one.
+  pure subroutine after_accepted(memory, h, ratio, cut_short)
+    type(step_memory_t), intent(inout) :: memory   !! memory of the motion state
+    real(wp), intent(in) :: h                      !! step taken
+    real(wp), intent(in) :: ratio                  !! its error ratio, at most 1
+    logical, intent(in) :: cut_short               !! whether it was shorter than proposed
+    real(wp) :: factor, bounded
+    bounded = max(ratio, least_ratio)
+    factor = safety*bounded**(-proportional)*memory%ratio**integral
+    factor = min(most_growth, max(most_shrinkage, factor))
+    if (cut_short) then
+      memory%step = max(memory%step, h*factor)
+    else
+      memory%step = h*factor
+      memory%ratio = bounded
+    end if
+  end subroutine after_accepted
+
+  !> Step to try after one whose error was too large.
+  pure real(wp) function after_rejected(h, ratio)
+    real(wp), intent(in) :: h       !! step tried
+    real(wp), intent(in) :: ratio   !! its error ratio, above 1
+    after_rejected = h*max(most_shrinkage, safety*ratio**(-1/error_order))
+  end function after_rejected
+end module lapwing_step_control

@@ -1,0 +1,172 @@
+!> Many operating points, in lines that run side by side.
+!>
+!> A line is a row of points done one after the other: each from rest, or each from where the one
+!> before ended. What a line does depends on nothing outside it, so that the number of threads,
+!> and where a call is cut, changes no bit of any result.
+module lapwing_sweep
+  use lapwing_kinds, only: wp, int64
+  use lapwing_codes, only: status_ok, status_unfinished
+  use lapwing_event_search, only: work_t
+  use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
+  use lapwing_oscillator, only: oscillator_t, parameters_t, oscillator, start_at_rest, start_from
+  use lapwing_recorder, only: recorder_t, start_recording
+  use lapwing_run, only: run_to, reached
+  use lapwing_state_blob, only: pack_blob, unpack_blob, pack_work
+  implicit none
+  private
+  public :: sweep_t, line_t, sweep_lines
+
+  !> What every point of a sweep has in common, and where results go.
+  type :: sweep_t
+    type(parameters_t), allocatable :: point(:)                    !! (n_points)
+    real(wp), allocatable :: knots(:)                              !! table, see `oscillator`
+    real(wp), allocatable :: coefficients(:, :)                    !! table
+    logical, allocatable :: kinks(:)                               !! table
+    type(numerics_t) :: numerics                                   !! tolerances and bounds
+    type(recorder_t) :: recorder                                   !! what is wanted of each point
+    integer :: settle = 0                                          !! cycles before recording
+    integer :: record = 0                                          !! cycles recorded
+    real(wp) :: phase = 0                                          !! start phase
+    real(wp), pointer, contiguous :: cycles(:, :, :) => null()     !! (columns, record, n_points)
+    real(wp), pointer, contiguous :: log(:, :, :) => null()        !! (columns, room, n_points)
+    real(wp), pointer, contiguous :: outcome(:, :) => null()       !! (4 + work_size, n_points)
+  end type sweep_t
+
+  !> A line and how far it is.
+  type :: line_t
+    integer :: first = 1          !! first point
+    integer :: last = 1           !! last point
+    logical :: carried = .false.  !! whether a point begins where the one before ended
+    integer :: point = 1          !! point under way
+    integer :: stage = 0          !! 0: to be started, 1: settling, 2: recording, 3: line done
+  end type line_t
+
+contains
+
+  !> Go on with every line until it is done or the deadline has come.
+  subroutine sweep_lines(sweep, lines, blobs, deadline, n_threads)
+    type(sweep_t), intent(in) :: sweep               !! the sweep
+    type(line_t), intent(inout) :: lines(:)          !! its lines
+    real(wp), intent(inout) :: blobs(:, :)           !! (blob_size, n_lines) runs under way
+    integer(int64), intent(in) :: deadline           !! clock count at which to stop
+    integer, intent(in) :: n_threads                 !! threads
+    integer :: i
+    !$omp parallel do schedule(dynamic, 1) num_threads(n_threads) default(none) &
+    !$omp shared(sweep, lines, blobs, deadline) private(i)
+    do i = 1, size(lines)
+      if (lines(i)%stage < 3) call go_on(sweep, lines(i), blobs(:, i), deadline)
+    end do
+    !$omp end parallel do
+  end subroutine sweep_lines
+
+  !> Go on with one line.
+  subroutine go_on(sweep, line, blob, deadline)
+    type(sweep_t), intent(in) :: sweep               !! the sweep
+    type(line_t), intent(inout) :: line              !! the line
+    real(wp), intent(inout) :: blob(:)               !! run under way
+    integer(int64), intent(in) :: deadline           !! clock count at which to stop
+    type(oscillator_t) :: system
+    type(hybrid_state_t) :: state
+    type(recorder_t) :: recorder
+    type(work_t) :: work
+    integer :: status
+    do while (line%stage < 3)
+      system = oscillator(sweep%point(line%point), sweep%knots, sweep%coefficients, sweep%kinks)
+      recorder = sweep%recorder
+      if (line%stage == 0) then
+        call start_point(sweep, system, line, blob, state)
+        work = work_t()
+        line%stage = 1
+      else
+        call unpack_blob(blob, state, recorder%sums, work)
+      end if
+      call run_point(sweep, system, line, deadline, state, recorder, work, status)
+      if (status == status_unfinished) then
+        call pack_blob(state, recorder%sums, work, blob)
+        return
+      end if
+      call finish_point(sweep, system, line, state, recorder, work, status, blob)
+    end do
+  end subroutine go_on
+
+  !> Where a point begins: the state the line carries, or rest.
+  subroutine start_point(sweep, system, line, blob, state)
+    type(sweep_t), intent(in) :: sweep               !! the sweep
+    type(oscillator_t), intent(in) :: system         !! the point's oscillator
+    type(line_t), intent(in) :: line                 !! the line
+    real(wp), intent(in) :: blob(:)                  !! carried: -1 or motion state, phi, phi'
+    type(hybrid_state_t), intent(out) :: state       !! state to begin with
+    if (line%carried .and. line%point /= line%first .and. blob(1) >= 0) then
+      state%instant = start_from(system, sweep%phase, nint(blob(1)), blob(2), blob(3))
+    else
+      state%instant = start_at_rest(system, sweep%phase)
+    end if
+  end subroutine start_point
+
+  !> Settle, then record. A flight under way when recording begins counts whole: the statistics
+  !> run through the last settling cycle too, and its line is dropped.
+  subroutine run_point(sweep, system, line, deadline, state, recorder, work, status)
+    type(sweep_t), intent(in) :: sweep               !! the sweep
+    type(oscillator_t), intent(in) :: system         !! the point's oscillator
+    type(line_t), intent(inout) :: line              !! the line
+    integer(int64), intent(in) :: deadline           !! clock count at which to stop
+    type(hybrid_state_t), intent(inout) :: state     !! state
+    type(recorder_t), intent(inout) :: recorder      !! recorder, its sums under way
+    type(work_t), intent(inout) :: work              !! counts
+    integer, intent(out) :: status                   !! status_*
+    type(recorder_t) :: silent
+    real(wp) :: target_t
+    status = status_ok
+    target_t = sweep%phase*system%period
+    if (line%stage == 1) then
+      call run_to(system, sweep%numerics, max(sweep%settle - 1, 0), target_t, deadline, state, &
+          silent, work, status)
+      if (status /= status_ok) return
+      line%stage = 2
+    end if
+    call point_at_output(sweep, line, recorder)
+    if (.not. reached(state%instant, sweep%settle, target_t)) then
+      recorder%want_impacts = .false.
+      call run_to(system, sweep%numerics, sweep%settle, target_t, deadline, state, recorder, &
+          work, status)
+      if (status /= status_ok) return
+      call start_recording(recorder)
+      recorder%want_impacts = sweep%recorder%want_impacts
+    end if
+    call run_to(system, sweep%numerics, sweep%settle + sweep%record, target_t, deadline, state, &
+        recorder, work, status)
+  end subroutine run_point
+
+  !> Let a recorder write where the point's results go.
+  subroutine point_at_output(sweep, line, recorder)
+    type(sweep_t), intent(in) :: sweep               !! the sweep
+    type(line_t), intent(in) :: line                 !! the line
+    type(recorder_t), intent(inout) :: recorder      !! recorder
+    recorder%cycles => sweep%cycles(:, :, line%point)
+    recorder%log => sweep%log(:, :, line%point)
+  end subroutine point_at_output
+
+  !> Write a point's outcome, and make the next one ready.
+  subroutine finish_point(sweep, system, line, state, recorder, work, status, blob)
+    type(sweep_t), intent(in) :: sweep               !! the sweep
+    type(oscillator_t), intent(in) :: system         !! the point's oscillator
+    type(line_t), intent(inout) :: line              !! the line
+    type(hybrid_state_t), intent(in) :: state        !! state at the end
+    type(recorder_t), intent(in) :: recorder         !! recorder
+    type(work_t), intent(in) :: work                 !! counts
+    integer, intent(in) :: status                    !! status_*
+    real(wp), intent(inout) :: blob(:)               !! carried to the next point
+    real(wp) :: phi, phi_dot
+    call system%observe(state%instant, phi, phi_dot)
+    sweep%outcome(:, line%point) = [real(status, wp), real(recorder%sums%n_log, wp), &
+        real(state%instant%motion_state, wp), phi, phi_dot, pack_work(work)]
+    blob(1:3) = [real(state%instant%motion_state, wp), phi, phi_dot]
+    if (status /= status_ok) blob(1) = -1
+    line%stage = 0
+    if (line%point == line%last) then
+      line%stage = 3
+    else
+      line%point = line%point + sign(1, line%last - line%first)
+    end if
+  end subroutine finish_point
+end module lapwing_sweep

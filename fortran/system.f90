@@ -1,0 +1,221 @@
+!> What the integrator and the automaton ask of a mechanical system with two one-sided contacts.
+!>
+!> A system moves freely in `separation` and touches one flank in `engagement` or
+!> `back_engagement`. Everything here is about *one step*: a frame is opened at its beginning, in
+!> local coordinates z of the system's choice, and the flanks are polynomials in the time s since
+!> then. The gear's frame moves with the flank last touched, so that the smallest bounce keeps
+!> its full relative precision; a plain system takes z = y and leaves the frame alone.
+module lapwing_system
+  use lapwing_kinds, only: wp
+  use lapwing_polynomial, only: max_degree
+  implicit none
+  private
+  public :: max_states, dense_degree, max_pressing_degree
+  public :: instant_t, frame_t, motion_t, system_t
+
+  integer, parameter :: max_states = 8            !! largest number of state variables
+  integer, parameter :: dense_degree = 4          !! degree of the dense output
+  integer, parameter :: max_pressing_degree = 3   !! degree of the pressing force over a piece
+
+  !> Where the system is.
+  type :: instant_t
+    integer :: motion_state = 0          !! separation, engagement or back_engagement
+    integer :: chart = 1                 !! flank the coordinates y refer to (system's affair)
+    integer :: touching = 0              !! flank at zero distance whose next move is decided
+    integer :: cycle = 0                 !! mesh cycles completed since phase 0 of the first
+    integer :: piece = 1                 !! table piece that holds t: where to look first
+    real(wp) :: t = 0                    !! time since the cycle began, 0 <= t < period
+    real(wp) :: y(max_states) = 0        !! state variables in the chart
+  end type instant_t
+
+  !> Local frame of one step, and the flanks over one table piece of it.
+  type :: frame_t
+    integer :: chart = 1                         !! chart of the instant it was opened at
+    integer :: piece = 1                         !! table piece the flanks are expanded on
+    integer :: stop_knot = 1                     !! knot where the frame ends
+    real(wp) :: t = 0                            !! cycle time of s = 0
+    real(wp) :: piece_begin = 0, piece_end = 0   !! span of the piece in s
+    real(wp) :: stop = 0                         !! s that no step may pass
+    real(wp) :: origin_rate = 0                  !! velocity of the frame, rad per tau
+    real(wp) :: origin = 0                       !! position of the moving flank at s = 0, rad
+    real(wp) :: flank(0:max_degree, 2) = 0       !! flank positions about s = piece_begin
+  end type frame_t
+
+  !> One accepted step as a polynomial: z(s) = sum_k dense(k,:) (s/h)**k.
+  type :: motion_t
+    real(wp) :: h = 0                                       !! step
+    real(wp) :: dense(0:dense_degree, max_states) = 0       !! dense output
+  end type motion_t
+
+  type, abstract :: system_t
+    integer :: n_states = 2        !! state variables in use
+    integer :: n_flanks = 2        !! 2, or 1 where there is no coast flank
+    real(wp) :: period = 1         !! length of a cycle in tau
+    logical :: compliant = .false. !! contact without impact law
+    logical :: rigid = .false.     !! an engaged tooth follows its flank
+    real(wp) :: restitution = 1    !! used to sum a chatter; the law itself is `rebound`
+  contains
+    procedure(open_frame_i), deferred :: open_frame
+    procedure(next_piece_i), deferred :: next_piece
+    procedure(derivatives_i), deferred :: derivatives
+    procedure(gap_i), deferred :: gap
+    procedure(contact_i), deferred :: contact
+    procedure(commit_i), deferred :: commit
+    procedure(pressing_i), deferred :: pressing
+    procedure(rebound_i), deferred :: rebound
+    procedure(sums_chatter_i), deferred :: sums_chatter
+    procedure(launch_i), deferred :: launch
+    procedure(pass_knot_i), deferred :: pass_knot
+    procedure(scales_i), deferred :: scales
+    procedure(observe_i), deferred :: observe
+    procedure :: stages => stages_by_dispatch
+  end type system_t
+
+  abstract interface
+    !> Open the local frame of a step at an instant; z(0) is in frame coordinates.
+    pure subroutine open_frame_i(self, instant, frame, z)
+      import :: system_t, instant_t, frame_t, max_states, wp
+      class(system_t), intent(in) :: self
+      type(instant_t), intent(in) :: instant       !! where the step begins
+      type(frame_t), intent(out) :: frame          !! its frame
+      real(wp), intent(out) :: z(max_states)       !! local coordinates of the instant
+    end subroutine open_frame_i
+
+    !> Re-expand the flanks on the table piece that follows.
+    pure subroutine next_piece_i(self, frame)
+      import :: system_t, frame_t
+      class(system_t), intent(in) :: self
+      type(frame_t), intent(inout) :: frame        !! frame, moved one piece on
+    end subroutine next_piece_i
+
+    !> dz/ds in a motion state. `frame` is as opened.
+    pure subroutine derivatives_i(self, frame, motion_state, s, z, rate)
+      import :: system_t, frame_t, wp
+      class(system_t), intent(in) :: self
+      type(frame_t), intent(in) :: frame           !! frame as opened
+      integer, intent(in) :: motion_state          !! motion state
+      real(wp), intent(in) :: s                    !! time since the frame was opened
+      real(wp), intent(in) :: z(:)                 !! local coordinates
+      real(wp), intent(out) :: rate(:)             !! their rates
+    end subroutine derivatives_i
+
+    !> Distance to a flank over the frame's piece, positive in separation, about piece_begin.
+    pure subroutine gap_i(self, frame, flank, motion, c)
+      import :: system_t, frame_t, motion_t, max_degree, wp
+      class(system_t), intent(in) :: self
+      type(frame_t), intent(in) :: frame           !! frame
+      integer, intent(in) :: flank                 !! drive_flank or coast_flank
+      type(motion_t), intent(in) :: motion         !! step as a polynomial
+      real(wp), intent(out) :: c(0:max_degree)     !! coefficients in s - piece_begin
+    end subroutine gap_i
+
+    !> Distance and approach velocity to a flank at s within the frame's piece.
+    pure subroutine contact_i(self, frame, flank, s, z, distance, approach)
+      import :: system_t, frame_t, max_states, wp
+      class(system_t), intent(in) :: self
+      type(frame_t), intent(in) :: frame           !! frame
+      integer, intent(in) :: flank                 !! flank
+      real(wp), intent(in) :: s                    !! time since the frame was opened
+      real(wp), intent(in) :: z(max_states)        !! local coordinates
+      real(wp), intent(out) :: distance            !! positive in separation, rad
+      real(wp), intent(out) :: approach            !! - d(distance)/d(tau)
+    end subroutine contact_i
+
+    !> State variables in the chart of a flank at s within the frame's piece.
+    pure subroutine commit_i(self, frame, s, z, chart, y)
+      import :: system_t, frame_t, max_states, wp
+      class(system_t), intent(in) :: self
+      type(frame_t), intent(in) :: frame           !! frame
+      real(wp), intent(in) :: s                    !! time since the frame was opened
+      real(wp), intent(in) :: z(max_states)        !! local coordinates
+      integer, intent(in) :: chart                 !! flank to refer to
+      real(wp), intent(out) :: y(max_states)       !! state variables
+    end subroutine commit_i
+
+    !> Acceleration with which a tooth at rest on a flank is pressed onto it, about piece_begin.
+    pure subroutine pressing_i(self, frame, flank, c)
+      import :: system_t, frame_t, max_degree, wp
+      class(system_t), intent(in) :: self
+      type(frame_t), intent(in) :: frame           !! frame
+      integer, intent(in) :: flank                 !! flank
+      real(wp), intent(out) :: c(0:max_degree)     !! coefficients in s - piece_begin
+    end subroutine pressing_i
+
+    !> Impact law: approach velocity after an impact (negative: the tooth rebounds).
+    pure real(wp) function rebound_i(self, frame, flank, s, approach)
+      import :: system_t, frame_t, wp
+      class(system_t), intent(in) :: self
+      type(frame_t), intent(in) :: frame           !! frame
+      integer, intent(in) :: flank                 !! flank struck
+      real(wp), intent(in) :: s                    !! time since the frame was opened
+      real(wp), intent(in) :: approach             !! approach velocity before
+    end function rebound_i
+
+    !> Whether rebounds from a flank shrink by `restitution` each, so that a chatter has a sum.
+    pure logical function sums_chatter_i(self, flank)
+      import :: system_t
+      class(system_t), intent(in) :: self
+      integer, intent(in) :: flank                 !! flank
+    end function sums_chatter_i
+
+    !> Put a state that is at a flank exactly onto it, with the given approach velocity.
+    pure subroutine launch_i(self, flank, approach, y)
+      import :: system_t, max_states, wp
+      class(system_t), intent(in) :: self
+      integer, intent(in) :: flank                 !! flank the chart refers to
+      real(wp), intent(in) :: approach             !! approach velocity, negative: leaves
+      real(wp), intent(inout) :: y(max_states)     !! state variables in the flank's chart
+    end subroutine launch_i
+
+    !> Move an instant that has reached a knot past it; tells the velocity jump of a kink.
+    pure subroutine pass_knot_i(self, knot, instant, is_kink, jump)
+      import :: system_t, instant_t, wp
+      class(system_t), intent(in) :: self
+      integer, intent(in) :: knot                  !! knot reached
+      type(instant_t), intent(inout) :: instant    !! state before, then after
+      logical, intent(out) :: is_kink              !! whether the flank's slope jumps here
+      real(wp), intent(out) :: jump                !! added to phi'
+    end subroutine pass_knot_i
+
+    !> Natural size of each state variable in a motion state: what relative tolerances refer to.
+    pure subroutine scales_i(self, motion_state, scale)
+      import :: system_t, max_states, wp
+      class(system_t), intent(in) :: self
+      integer, intent(in) :: motion_state          !! motion state
+      real(wp), intent(out) :: scale(max_states)   !! sizes
+    end subroutine scales_i
+
+    !> What is reported: displacement from the drive flank and its rate.
+    pure subroutine observe_i(self, instant, phi, phi_dot)
+      import :: system_t, instant_t, wp
+      class(system_t), intent(in) :: self
+      type(instant_t), intent(in) :: instant       !! where the system is
+      real(wp), intent(out) :: phi, phi_dot        !! rad, rad per tau
+    end subroutine observe_i
+  end interface
+
+contains
+
+  !> The stages of one Runge-Kutta step, each derivative through the system's own procedure.
+  !> A system may override this with the same text around derivatives the compiler can inline.
+  subroutine stages_by_dispatch(self, frame, motion_state, h, z, k)
+    use lapwing_rk4_tableau, only: n_stages, a21, a31, a32, a41, a42, a43, a51, a52, a53, a54, &
+        b1, b3, b4, b5, c2, c3, c4, c5
+    class(system_t), intent(in) :: self
+    type(frame_t), intent(in) :: frame                  !! frame as opened
+    integer, intent(in) :: motion_state                 !! motion state
+    real(wp), intent(in) :: h                           !! step
+    real(wp), intent(in) :: z(max_states)               !! local coordinates at s = 0
+    real(wp), intent(out) :: k(max_states, n_stages)    !! stage derivatives; the last is at s = h
+    integer :: n
+    n = self%n_states
+    include 'rk4_stages.inc'
+  contains
+    subroutine rate_of_change(s, at, rate)
+      real(wp), intent(in) :: s          !! time since the frame was opened
+      real(wp), intent(in) :: at(:)      !! local coordinates
+      real(wp), intent(out) :: rate(:)   !! their rates
+      call self%derivatives(frame, motion_state, s, at, rate)
+    end subroutine rate_of_change
+  end subroutine stages_by_dispatch
+end module lapwing_system

@@ -1,0 +1,121 @@
+!> The motion g of the drive flank over one mesh period: a periodic table of polynomial pieces.
+module lapwing_transmission_error
+  use lapwing_kinds, only: wp
+  use lapwing_polynomial, only: max_degree, taylor_shift, horner, horner_slope
+  implicit none
+  private
+  public :: te_table_t, te_table, locate_piece, expand_at, flank_motion_at
+
+  !> g(t) = sum_k coefficient(k,i) (t - knot(i))**k for knot(i) <= t < knot(i+1), t in [0, period).
+  type :: te_table_t
+    integer :: n = 0                               !! pieces
+    real(wp), allocatable :: knot(:)               !! piece limits, (n + 1), units of tau
+    real(wp), allocatable :: coefficient(:, :)     !! (0:5, n), rad per tau**k
+    logical, allocatable :: kink(:)                !! (n + 1) slope jump at knot(i), part of the data
+    real(wp), allocatable :: slope_jump(:)         !! (n + 1) g'(knot+) - g'(knot-); rounding off kinks
+    integer, allocatable :: next_kink(:)           !! (n) first kink or table end after piece i begins
+    integer, allocatable :: next_felt(:)           !! (n) the same with felt curvature jumps
+  end type te_table_t
+
+contains
+
+  !> Scale a table over mesh phase to the time and angle of an oscillator.
+  pure function te_table(knots, coefficients, kinks, scale, period, felt_curvature_jump) &
+      result(table)
+    real(wp), intent(in) :: knots(:)             !! (n + 1) mesh phase, 0 to 1
+    real(wp), intent(in) :: coefficients(0:, :)  !! (0:5, n) rad per mesh period**k
+    logical, intent(in) :: kinks(:)              !! (n) slope jump at knots(i)
+    real(wp), intent(in) :: scale                !! from transmission error to g, +i12 or -i12
+    real(wp), intent(in) :: period               !! mesh period in tau
+    real(wp), intent(in) :: felt_curvature_jump  !! smallest jump of g'' at which steps must end
+    type(te_table_t) :: table
+    integer :: n, i, k
+    n = size(kinks)
+    table%n = n
+    table%knot = knots*period
+    allocate (table%coefficient(0:max_degree, n))
+    do i = 1, n
+      do k = 0, max_degree
+        table%coefficient(k, i) = scale*coefficients(k, i)/period**k
+      end do
+    end do
+    table%kink = [kinks, kinks(1)]
+    call find_jumps(table, felt_curvature_jump)
+  end function te_table
+
+  !> Slope jumps, and for each piece the next knot where a step must end.
+  pure subroutine find_jumps(table, felt_curvature_jump)
+    type(te_table_t), intent(inout) :: table       !! table with pieces and kinks set
+    real(wp), intent(in) :: felt_curvature_jump    !! rad per tau**2
+    real(wp) :: before(0:max_degree), curvature_jump(table%n + 1)
+    integer :: i, left, kink_after, felt_after
+    allocate (table%slope_jump(table%n + 1), table%next_kink(table%n), table%next_felt(table%n))
+    do i = 1, table%n
+      left = merge(table%n, i - 1, i == 1)
+      before = table%coefficient(:, left)
+      call taylor_shift(before, table%knot(left + 1) - table%knot(left))
+      table%slope_jump(i) = table%coefficient(1, i) - before(1)
+      curvature_jump(i) = 2*abs(table%coefficient(2, i) - before(2))
+    end do
+    table%slope_jump(table%n + 1) = table%slope_jump(1)
+    curvature_jump(table%n + 1) = curvature_jump(1)
+    kink_after = table%n + 1
+    felt_after = table%n + 1
+    do i = table%n, 1, -1
+      table%next_kink(i) = kink_after
+      table%next_felt(i) = felt_after
+      if (table%kink(i)) kink_after = i
+      if (table%kink(i) .or. curvature_jump(i) > felt_curvature_jump) felt_after = i
+    end do
+  end subroutine find_jumps
+
+  !> The piece that holds t; at a knot the piece that begins there.
+  pure integer function locate_piece(table, t, guess) result(piece)
+    type(te_table_t), intent(in) :: table  !! table
+    real(wp), intent(in) :: t              !! time in the mesh period
+    integer, intent(in) :: guess           !! where to look first
+    integer :: lower, upper, middle
+    piece = min(max(guess, 1), table%n)
+    if (t >= table%knot(piece)) then
+      if (t < table%knot(piece + 1) .or. piece == table%n) return
+      lower = piece
+      upper = table%n + 1
+    else
+      lower = 1
+      upper = piece
+    end if
+    do while (upper - lower > 1)
+      middle = (lower + upper)/2
+      if (t >= table%knot(middle)) then
+        lower = middle
+      else
+        upper = middle
+      end if
+    end do
+    piece = lower
+  end function locate_piece
+
+  !> Taylor coefficients of g about t.
+  pure subroutine expand_at(table, piece, t, local)
+    type(te_table_t), intent(in) :: table           !! table
+    integer, intent(in) :: piece                    !! piece that holds t
+    real(wp), intent(in) :: t                       !! time in the mesh period
+    real(wp), intent(out) :: local(0:max_degree)    !! coefficients about t
+    local = table%coefficient(:, piece)
+    if (t /= table%knot(piece)) call taylor_shift(local, t - table%knot(piece))
+  end subroutine expand_at
+
+  !> g and g' at t.
+  pure subroutine flank_motion_at(table, t, guess, g, slope)
+    type(te_table_t), intent(in) :: table  !! table
+    real(wp), intent(in) :: t              !! time in the mesh period
+    integer, intent(in) :: guess           !! piece to look at first
+    real(wp), intent(out) :: g, slope      !! flank position and velocity
+    integer :: piece
+    real(wp) :: x
+    piece = locate_piece(table, t, guess)
+    x = t - table%knot(piece)
+    g = horner(table%coefficient(:, piece), x)
+    slope = horner_slope(table%coefficient(:, piece), x)
+  end subroutine flank_motion_at
+end module lapwing_transmission_error

@@ -1,0 +1,33 @@
+"""Nonlinear dynamics of lapping gear pairs: engagement, separation and impacts under a brake.
+
+Everything a study needs is here; the compiled engine is loaded at the first use.
+"""
+
+from importlib import import_module
+
+_HOMES = {
+    "TransmissionError": "transmission_error",
+    "GearPair": "gear_pair",
+    "Oscillator": "oscillator",
+    "critical_force": "engaged_response",
+    "critical_torque": "engaged_response",
+    "engaged_response": "engaged_response",
+    "simulate": "studies.trajectory",
+    "sweep": "studies.sweep",
+    "EventKind": "codes",
+    "MotionState": "codes",
+    "Status": "codes",
+}
+__all__ = [*_HOMES, "__version__"]
+
+
+def __getattr__(name):
+    if name == "__version__":
+        return import_module("lapwing._build_info").VERSION
+    if name not in _HOMES:
+        raise AttributeError(f"module 'lapwing' has no attribute {name!r}")
+    return getattr(import_module(f"lapwing.{_HOMES[name]}"), name)
+
+
+def __dir__():
+    return sorted(__all__)

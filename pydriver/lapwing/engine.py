@@ -1,0 +1,249 @@
+"""The only importer of the compiled engine: packs arguments, repeats bounded calls, unpacks.
+
+One call into the engine does at most `CALL_SECONDS` of work, so that Ctrl-C is felt at once; the
+run between two calls is one array (`blob`), and where a run is cut changes no bit of it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lapwing._engine import api
+from lapwing.codes import ContactLaw, Gap, ImpactLaw, Status
+
+CALL_SECONDS = 0.4
+LOG_ROOM = 1 << 16
+MAX_INT = 2**31 - 1
+
+(BLOB_SIZE, WORK_SIZE, LOG_COLUMNS, CYCLE_COLUMNS, SAMPLE_COLUMNS, N_REALS, N_CHOICES) = (
+    int(n) for n in api.sizes())
+
+WORK_NAMES = ("steps", "rejected_steps", "polish_steps", "drive_flank_searches",
+              "coast_flank_searches", "samples", "depth_searches", "graze_searches")
+CYCLE_NAMES = ("cycle", "motion_state", "phi", "phi_dot", "impacts", "back_impacts",
+               "counted_impacts", "counted_back_impacts", "releases", "back_releases", "engages",
+               "back_engages", "chatter_ends", "back_chatter_ends", "deepest_separation",
+               "deepest_back_penetration", "states_visited")
+
+# How `trajectory` is told to begin, besides the number of a motion state.
+GO_ON, REST = -2.0, -1.0
+# f2py takes no empty array; this one stands for no samples.
+NO_SAMPLE = np.array([[-1.0], [0.0]])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Numerics:
+    """Tolerances and bounds of a run.
+
+    Parameters
+    ----------
+    rtol : float, 1e-13 to 1e-2
+        local error per step over the natural size of angles and velocities (docs/model.md)
+    chatter_tol : float or None
+        error of the end of a complete chatter, in mesh periods; default min(rtol, 1e-10)
+    count_depth : float, 0 to 1
+        a counted impact ends a flight deeper than this part of its cycle's deepest separation
+    max_events_per_cycle, max_steps_per_cycle : int
+        bounds after which a run ends with a status
+    """
+
+    rtol: float = 1e-10
+    chatter_tol: float | None = None
+    count_depth: float = 0.01
+    max_events_per_cycle: int = 1_000_000
+    max_steps_per_cycle: int = 10_000_000
+
+    def __post_init__(self):
+        problems = []
+        for key, low, high in (("rtol", 1e-13, 1e-2), ("count_depth", 0, 1)):
+            if not low <= getattr(self, key) <= high:
+                problems.append(f"{key} = {getattr(self, key)!r}, {low:g} to {high:g} is meant")
+        if self.chatter_tol is not None and not 0 < self.chatter_tol <= 1e-2:
+            problems.append(f"chatter_tol = {self.chatter_tol!r}, above 0 to 0.01 is meant")
+        for key in ("max_events_per_cycle", "max_steps_per_cycle"):
+            if not 1 <= getattr(self, key) < MAX_INT:
+                problems.append(f"{key} = {getattr(self, key)!r}, 1 to {MAX_INT - 1} is meant")
+        if problems:
+            raise ValueError("numerics: " + "; ".join(problems))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wanted:
+    """What a run records; what is not named is neither computed nor stored."""
+
+    events: bool = False
+    impacts: bool = False
+    grazes: bool = False
+    strobe: bool = False
+    cycles: bool = False
+    graze_distance: float = 0.0
+
+
+def _table_arguments(oscillators):
+    """Knots, coefficients and kinks shared by all oscillators.
+
+    Only differences of g matter unless the coast flank stands still; the table is then shifted
+    to the middle of its range, so that a large constant costs no digits.
+    """
+    te = oscillators[0].te
+    coefficients = np.asfortranarray(te.coefficients.T.copy())
+    if oscillators[0].back_flank_te:
+        coefficients[0] -= 0.5 * sum(te.extrema)
+    return te.knots, coefficients, te.kinks.astype(np.intc)
+
+
+def _real_parameters(osc, numerics, wanted):
+    chatter_tol = numerics.chatter_tol
+    if chatter_tol is None:
+        chatter_tol = min(numerics.rtol, 1e-10)
+    low, high = osc.flank_extrema
+    return [osc.force, osc.mesh_frequency_ratio, osc.flank_scale, high - low, osc.damping_ratio,
+            osc.restitution, osc.backlash, numerics.rtol, chatter_tol, numerics.count_depth,
+            wanted.graze_distance]
+
+
+def _choices(osc, numerics, wanted, settle=0, record=0):
+    codes = (ContactLaw[osc.contact_law.upper()], ImpactLaw[osc.impact_law.upper()],
+             Gap[osc.gap.upper()], osc.back_flank_te, numerics.max_events_per_cycle,
+             numerics.max_steps_per_cycle, wanted.events, wanted.impacts, wanted.grazes,
+             wanted.strobe, wanted.cycles, settle, record)
+    return np.array([int(code) for code in codes], dtype=np.intc)
+
+
+def flank_motion(osc, t):
+    """g, g' and g'' of an oscillator as the engine evaluates them.
+
+    Parameters
+    ----------
+    t : array (n,), τ in the mesh period, 0 <= t < P
+
+    Returns
+    -------
+    array (3, n), rad, rad, rad (per τ and τ²)
+    """
+    t = np.ascontiguousarray(t, dtype=float)
+    knots, _, kinks = _table_arguments([osc])
+    coefficients = np.asfortranarray(osc.te.coefficients.T)
+    return api.evaluate_table(knots, coefficients, kinks, osc.flank_scale, osc.period, t)
+
+
+class TrajectoryCall:
+    """One trajectory under way: repeated bounded calls from a start, or from a blob, to a target.
+
+    After `run`, `log` is (n, 6): kind, cycle, t, phi, velocity before and after; `cycles` is
+    (n, 17), columns CYCLE_NAMES; `samples` is (n, 3): motion state, phi, phi'.
+    """
+
+    def __init__(self, osc, start, blob=None, cycle=0, *, numerics, wanted):
+        self._fixed = (*_table_arguments([osc]),
+                       np.array(_real_parameters(osc, numerics, wanted)),
+                       _choices(osc, numerics, wanted))
+        self._start = np.array(start, dtype=float)
+        self.blob = np.zeros(BLOB_SIZE) if blob is None else blob.copy()
+        self._wanted = wanted
+        self.cycle = cycle
+
+    def run(self, target, sample_times):
+        """Go on until the target (cycle, t); `sample_times` is (n, 2), cycle and t, rising."""
+        wants_log = self._wanted.events or self._wanted.grazes
+        log = np.zeros((LOG_COLUMNS, LOG_ROOM if wants_log else 1), order="F")
+        room = 4096 if self._wanted.cycles or self._wanted.strobe else 1
+        samples = np.full((SAMPLE_COLUMNS, len(sample_times)), np.nan, order="F")
+        times = np.asfortranarray(np.asarray(sample_times, dtype=float).reshape(-1, 2).T)
+        logs, cycles, sampled, cycle = [], [], 0, self.cycle
+        while True:
+            # The engine drops what has no room, so the target of a call stays within the table.
+            step_target = target
+            if room > 1 and target[0] - cycle > room:
+                step_target = (cycle + room, 0.0)
+            table = np.zeros((CYCLE_COLUMNS, room), order="F")
+            rest = np.full((SAMPLE_COLUMNS, max(1, samples.shape[1] - sampled)), np.nan, order="F")
+            rest_times = np.asfortranarray(times[:, sampled:] if sampled < times.shape[1]
+                                           else NO_SAMPLE)
+            done = api.trajectory(
+                *self._fixed, self._start, np.array(step_target, dtype=float), CALL_SECONDS,
+                self.blob, rest_times, rest, log, table)
+            self._start[0] = GO_ON
+            taken = int(np.count_nonzero(~np.isnan(rest[0])))
+            samples[:, sampled:sampled + taken] = rest[:, :taken]
+            sampled += taken
+            logs.append(log[:, :int(done[1])].T.copy())
+            cycles.append(table[:, :int(done[2])].T.copy())
+            cycle = int(done[3])
+            status = Status(int(done[0]))
+            if status != Status.UNFINISHED and (status != Status.OK or step_target == target):
+                break
+        self.status = status
+        self.cycle, self.t, self.motion_state, self.phi, self.phi_dot = (
+            cycle, done[4], int(done[5]), done[6], done[7])
+        self.log, self.cycles, self.samples = np.vstack(logs), np.vstack(cycles), samples.T
+        return self
+
+    @property
+    def work(self):
+        """Counts of what was done since the trajectory began."""
+        return work_counts(self.blob[:WORK_SIZE])
+
+
+def work_counts(array):
+    """Named counts of what the engine did, as a dict of int."""
+    return {name: int(count) for name, count in zip(WORK_NAMES, array, strict=True)}
+
+
+@dataclass
+class SweepResult:
+    """Arrays of a sweep: outcome (points, 5 + work), cycles (points, record, 17), log rows."""
+
+    outcome: np.ndarray
+    cycles: np.ndarray
+    log: np.ndarray
+
+
+def sweep(oscillators, lines, *, numerics, wanted, phase, settle, record, log_room, threads,
+          progress=None):
+    """Run many oscillators of one table in lines.
+
+    Parameters
+    ----------
+    oscillators : sequence of Oscillator, one per point, all with the same table and laws
+    lines : sequence of (first, last, carried), points from first to last inclusive, 0-based,
+        either way; carried: each point begins where the one before ended
+    phase : float, start phase of each point
+    settle, record : int, cycles before recording and cycles recorded
+    log_room : int, impacts kept per point
+    threads : int
+    progress : callable(fraction) or None, called between calls into the engine
+
+    Returns
+    -------
+    SweepResult
+    """
+    n = len(oscillators)
+    reals = np.asfortranarray(
+        np.array([_real_parameters(osc, numerics, wanted) for osc in oscillators]).T)
+    table = np.array([[first + 1, last + 1, carried, first + 1, 0]
+                      for first, last, carried in lines], dtype=np.intc)
+    table = np.asfortranarray(table.T)
+    blobs = np.zeros((BLOB_SIZE, len(lines)), order="F")
+    wants_cycles = wanted.cycles or wanted.strobe
+    cycles = np.full((CYCLE_COLUMNS, record if wants_cycles else 1, n), np.nan, order="F")
+    log = np.full((LOG_COLUMNS, log_room if wanted.impacts else 1, n), np.nan, order="F")
+    outcome = np.full((5 + WORK_SIZE, n), np.nan, order="F")
+    outcome[0] = Status.UNFINISHED
+    choices = _choices(oscillators[0], numerics, wanted, settle, record)
+    while np.any(table[4] < 3):
+        api.sweep(*_table_arguments(oscillators), reals, choices, phase, table, CALL_SECONDS,
+                  threads, blobs, cycles, log, outcome)
+        if progress is not None:
+            progress(float(np.mean(outcome[0] != Status.UNFINISHED)))
+    return SweepResult(outcome.T, cycles.transpose(2, 1, 0), log.transpose(2, 1, 0))
+
+
+def position(phase, cycles, period):
+    """Cycle and time in it of a position given as start phase + cycles since the start."""
+    total = phase + cycles
+    cycle = math.floor(total)
+    return int(cycle), (total - cycle) * period

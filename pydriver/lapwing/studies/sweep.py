@@ -1,0 +1,181 @@
+"""A parameter swept from rest, upwards and downwards."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+
+from lapwing import engine
+from lapwing.codes import EventKind, Status
+from lapwing.engine import CYCLE_NAMES, Numerics, Wanted, work_counts
+from lapwing.gear_pair import GearPair
+from lapwing.studies.period import find_period
+from lapwing.threads import default_threads
+
+STARTS = ("rest", "up", "down")
+RECORDS = ("cycles", "impacts")
+# Columns of the cycle table that must match between cycles of a periodic motion: the strobed
+# motion state, counted impacts, releases, engages and chatter ends. Resolved chatter impacts are
+# left out: how many are listed before a chatter is summed is a matter of the last bit.
+LABELS = ("motion_state", "counted_impacts", "counted_back_impacts", "releases", "back_releases",
+          "engages", "back_engages", "chatter_ends", "back_chatter_ends")
+UNITS = {"phi": "rad", "phi_dot": "rad per tau", "deepest_separation": "rad",
+         "deepest_back_penetration": "rad", "impact_phase": "mesh periods",
+         "impact_velocity": "rad per tau"}
+PARAMETER_UNITS = {"brake_torque": "N m", "drive_torque": "N m", "pinion_speed_rpm": "rev/min",
+                   "pinion_speed_rad_s": "rad/s", "mesh_frequency_hz": "Hz",
+                   "pinion_base_lever": "m", "mesh_stiffness": "N/m", "backlash": "rad",
+                   "pinion_inertia": "kg m2", "gear_inertia": "kg m2", "mesh_damping": "N s/m"}
+
+
+def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=400, record=100,
+          observe=("cycles",), phase=0.0, rtol=1e-6, chatter_tol=None, count_depth=0.01,
+          max_impacts=2000, max_events_per_cycle=1_000_000, max_steps_per_cycle=10_000_000,
+          threads=None, progress=None, **operation):
+    """Run a range of values of one parameter.
+
+    Parameters
+    ----------
+    pair : GearPair
+    te : TransmissionError
+    parameter : str, the parameter swept: an operating parameter of `GearPair.oscillator` or a
+        number of the pair itself
+    values : array (n,); sorted and without repeats in the result
+    starts : of 'rest' (each value from rest), 'up' and 'down' (each value from where the next
+        lower or higher one ended)
+    settle, record : int, mesh cycles before recording (>= 0), and recorded (>= 1)
+    observe : of 'cycles' (statistics of each recorded cycle) and 'impacts' (phase and speed of
+        up to `max_impacts` recorded impacts); the rest costs nothing
+    phase : float, mesh phase at the start
+    rtol, chatter_tol, count_depth, max_events_per_cycle, max_steps_per_cycle : see `Numerics`
+    threads : int or None; default `default_threads()`; results do not depend on it
+    progress : callable(fraction done) or None
+    **operation : the other arguments of `GearPair.oscillator`
+
+    Returns
+    -------
+    xarray.Dataset over `start`, the parameter and `recorded_cycle` (and `impact`). A point that
+    fails keeps its place, with a `status` other than OK.
+
+    Raises
+    ------
+    ValueError
+        for every refused argument, the oscillator's own refusals included.
+    """
+    values = _check(parameter, values, starts, settle, record, observe, max_impacts)
+    numerics = Numerics(rtol=rtol, chatter_tol=chatter_tol, count_depth=count_depth,
+                        max_events_per_cycle=max_events_per_cycle,
+                        max_steps_per_cycle=max_steps_per_cycle)
+    wanted = Wanted(cycles="cycles" in observe, strobe=True, impacts="impacts" in observe)
+    oscillators = [_oscillator(pair, te, parameter, value, operation) for value in values]
+    if any(osc.force < 0 and osc.gap == "one_flank" for osc in oscillators):
+        raise ValueError("sweep: rest with a negative force needs a coast flank to rest on")
+    result = engine.sweep(
+        oscillators * len(starts), _lines(starts, len(values)), numerics=numerics, wanted=wanted,
+        phase=phase, settle=settle, record=record, log_room=max_impacts,
+        threads=threads or default_threads(), progress=progress)
+    return _dataset(result, oscillators, parameter, values, starts, wanted, phase,
+                    {"settle": settle, "record": record, "rtol": rtol, "method": "rk4",
+                     "count_depth": count_depth})
+
+
+def _check(parameter, values, starts, settle, record, observe, max_impacts):
+    """Sorted values, or every problem at once."""
+    problems = []
+    values = np.unique(np.asarray(values, dtype=float).ravel())
+    if values.size == 0 or not np.all(np.isfinite(values)):
+        problems.append("values must be finite numbers, at least one")
+    for key, given, allowed in (("starts", starts, STARTS), ("observe", observe, RECORDS)):
+        if isinstance(given, str) or not set(given) <= set(allowed) \
+                or len(set(given)) != len(given):
+            problems.append(f"{key} = {given!r}, a tuple of {', '.join(allowed)} is meant")
+    if not starts:
+        problems.append("starts is empty")
+    for key, given, least in (("settle", settle, 0), ("record", record, 1),
+                              ("max_impacts", max_impacts, 1)):
+        if not (isinstance(given, int | np.integer) and least <= given < engine.MAX_INT):
+            problems.append(f"{key} = {given!r}, a whole number >= {least} is meant")
+    if not isinstance(parameter, str):
+        problems.append(f"parameter = {parameter!r}, a name is meant")
+    if problems:
+        raise ValueError("sweep: " + "; ".join(problems))
+    return values
+
+
+def _oscillator(pair, te, parameter, value, operation):
+    """Oscillator of one value of the parameter."""
+    if parameter in {field.name for field in fields(GearPair)}:
+        return replace(pair, **{parameter: float(value)}).oscillator(te, **operation)
+    return pair.oscillator(te, **{**operation, parameter: float(value)})
+
+
+def _lines(starts, n):
+    """Lines of the engine, the long ones first so that they are not waited for."""
+    carried, single = [], []
+    for block, start in enumerate(starts):
+        first, last = block * n, block * n + n - 1
+        if start == "up":
+            carried.append((first, last, True))
+        elif start == "down":
+            carried.append((last, first, True))
+        else:
+            single += [(i, i, False) for i in range(first, last + 1)]
+    return carried + single
+
+
+def _dataset(result, oscillators, parameter, values, starts, wanted, phase, attrs):
+    import xarray as xr
+
+    shape = (len(starts), len(values))
+    by_point = ("start", parameter)
+    outcome = result.outcome.reshape(*shape, -1)
+    coords = {"start": list(starts), parameter: values}
+    data = {"status": (by_point, outcome[..., 0].astype(np.int8)),
+            "force": (parameter, [osc.force for osc in oscillators])}
+    tables = result.cycles.reshape(*shape, *result.cycles.shape[1:])
+    columns = CYCLE_NAMES[1:] if wanted.cycles else CYCLE_NAMES[1:4]
+    for name in columns:
+        table = tables[..., CYCLE_NAMES.index(name)]
+        data[name] = ((*by_point, "recorded_cycle"), table)
+    if wanted.cycles:
+        data["period"] = (by_point, _periods(tables, oscillators))
+    if wanted.impacts:
+        data |= _impacts(result, oscillators, shape, by_point)
+    dataset = xr.Dataset(data, coords, {**attrs, "phase": phase})
+    dataset["status"].attrs.update(
+        flag_values=np.array([int(status) for status in Status], dtype=np.int8),
+        flag_meanings=" ".join(status.name.lower() for status in Status))
+    dataset[parameter].attrs["units"] = PARAMETER_UNITS.get(parameter, "1")
+    for name in UNITS.keys() & dataset.variables.keys():
+        dataset[name].attrs["units"] = UNITS[name]
+    for name, count in work_counts(np.nansum(result.outcome[:, 5:], axis=0)).items():
+        dataset.attrs[f"work_{name}"] = count
+    return dataset
+
+
+def _periods(tables, oscillators):
+    """Period of each point, `find_period`."""
+    labels = [CYCLE_NAMES.index(name) for name in LABELS]
+    deepest, phi, phi_dot = (CYCLE_NAMES.index(name)
+                             for name in ("deepest_separation", "phi", "phi_dot"))
+    periods = np.zeros(tables.shape[:2], dtype=np.int16)
+    for i, j in np.ndindex(*periods.shape):
+        table = tables[i, j]
+        if not np.all(np.isfinite(table)):
+            continue
+        scale = max(abs(oscillators[j].force), table[:, deepest].max())
+        periods[i, j] = find_period(table[:, phi], table[:, phi_dot], table[:, labels], scale)
+    return periods
+
+
+def _impacts(result, oscillators, shape, by_point):
+    """Impact section: mesh phase, velocity relative to the flank, flank; and how many were met."""
+    log = result.log.reshape(*shape, *result.log.shape[1:])
+    period = np.array([osc.period for osc in oscillators])[:, None]
+    dims = (*by_point, "impact")
+    flank = np.where(log[..., 0] == EventKind.IMPACT, 1, 2).astype(np.int8)
+    flank[np.isnan(log[..., 0])] = 0
+    return {"impact_phase": (dims, log[..., 2] / period), "impact_velocity": (dims, log[..., 4]),
+            "impact_flank": (dims, flank),
+            "n_impacts": (by_point, result.outcome[:, 1].reshape(shape).astype(np.int64))}

@@ -1,0 +1,272 @@
+"""One trajectory: events, history, statistics of each mesh cycle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lapwing import engine
+from lapwing.codes import MotionState, Status
+from lapwing.engine import CYCLE_NAMES, Numerics, TrajectoryCall, Wanted, position
+from lapwing.oscillator import ParameterError
+
+LOG_NAMES = ("kind", "cycle", "t", "phi", "velocity_before", "velocity_after")
+RECORDS = ("events", "cycles", "grazes")
+
+
+@dataclass(frozen=True)
+class HybridState:
+    """Where a run ended, and all that is needed to go on from there bit for bit.
+
+    Attributes
+    ----------
+    motion_state : MotionState
+    phi, phi_dot : float, rad and rad per τ
+    phase : float, mesh phase, 0 to 1
+    tau : float, time since the run first started
+    """
+
+    motion_state: MotionState
+    phi: float
+    phi_dot: float
+    phase: float
+    tau: float
+    # The engine's state may lie up to one step past the point reported above; events between the
+    # two have been logged already and wait here.
+    _origin: tuple = field(repr=False, default=())
+    _cycles: float = field(repr=False, default=0.0)
+    _blob: np.ndarray | None = field(repr=False, default=None, compare=False)
+    _pending: np.ndarray | None = field(repr=False, default=None, compare=False)
+
+
+@dataclass
+class Run:
+    """Result of `simulate`.
+
+    Attributes
+    ----------
+    oscillator : Oscillator
+    events : xarray.Dataset over `event`: tau, cycle, phase, kind (EventKind), phi, and the
+        velocity relative to the flank touched before and after
+    cycles : xarray.Dataset over `cycle`: state at the cycle's beginning, events by kind and
+        flank, deepest separation; counted impacts by decision l of docs/model.md
+    final : HybridState
+    status : Status; other than OK the run ended early, at `final`
+    work : dict, counts of steps, searches and samples
+    method : str
+    """
+
+    oscillator: object
+    events: object
+    cycles: object
+    final: HybridState
+    status: Status
+    work: dict
+    method: str
+    _numerics: Numerics = field(repr=False, default=None)
+
+    def history(self, taus):
+        """State at given times, from the dense output (fourth order in the step).
+
+        Parameters
+        ----------
+        taus : array (n,), τ from 0 to the run's end, rising
+
+        Returns
+        -------
+        xarray.Dataset over `tau`: phase, motion_state, phi, phi_dot; on an event the state after
+
+        Raises
+        ------
+        ValueError
+            if times are not rising or outside the run.
+        """
+        taus = np.atleast_1d(np.asarray(taus, dtype=float))
+        if taus.ndim != 1 or np.any(np.diff(taus) < 0) or not np.all(np.isfinite(taus)):
+            raise ValueError("history: taus must be one-dimensional, finite and rising")
+        end = self.final.tau
+        if len(taus) and (taus[0] < 0 or taus[-1] > end * (1 + 4e-16)):
+            raise ValueError(f"history: taus must lie between 0 and the run's end, {end:.17g}")
+        return _history(self, taus)
+
+
+def simulate(osc, start="rest", phase=0.0, cycles=50, method="rk4", rtol=1e-10, *,
+             record=("events", "cycles"), graze_distance=None, chatter_tol=None, count_depth=0.01,
+             max_events_per_cycle=1_000_000, max_steps_per_cycle=10_000_000):
+    """Follow one trajectory.
+
+    Parameters
+    ----------
+    osc : Oscillator
+    start : 'rest', (motion_state, phi, phi_dot), or the `final` of another run, which is then
+        continued bit for bit
+    phase : float, mesh phase at the start, 0 <= phase < 1 (ignored when continuing)
+    cycles : float, mesh cycles to run, > 0
+    method : 'rk4'
+    rtol : float, local error per step over the natural size of angles and velocities
+    record : what is recorded, of 'events', 'cycles', 'grazes'; the rest costs nothing
+    graze_distance : float, rad; a closest approach nearer than this is logged as a near-graze
+        (default 1e-3 of the angle scale, with 'grazes')
+    chatter_tol, count_depth, max_events_per_cycle, max_steps_per_cycle : see `Numerics`
+
+    Returns
+    -------
+    Run
+
+    Raises
+    ------
+    ValueError
+        for a start that contradicts itself and for every refused argument.
+    """
+    numerics = Numerics(rtol=rtol, chatter_tol=chatter_tol, count_depth=count_depth,
+                        max_events_per_cycle=max_events_per_cycle,
+                        max_steps_per_cycle=max_steps_per_cycle)
+    _check_arguments(osc, start, phase, cycles, method, record)
+    if graze_distance is None:
+        graze_distance = 1e-3 * osc.angle_scale
+    wanted = Wanted(events="events" in record, cycles="cycles" in record,
+                    grazes="grazes" in record, graze_distance=graze_distance)
+    if isinstance(start, HybridState):
+        origin, before, pending = start._origin, start._cycles, start._pending
+        cycle, _ = position(origin[1], before, osc.period)
+        call = TrajectoryCall(osc, (engine.GO_ON, 0, 0, 0), start._blob, cycle,
+                              numerics=numerics, wanted=wanted)
+    else:
+        origin, before, pending = (engine_start(osc, start), phase), 0.0, None
+        call = TrajectoryCall(osc, (*origin[0], phase), numerics=numerics, wanted=wanted)
+    target = position(origin[1], before + cycles, osc.period)
+    # A target inside a stretch is reported by a sample; one at a cycle's end is reached exactly.
+    call.run(target, [target] if target[1] > 0 else [])
+    return _result(osc, call, origin, before + cycles, target, pending, numerics, method)
+
+
+def engine_start(osc, start):
+    """Start as the engine takes it: motion state (or REST), phi, phi'.
+
+    Raises
+    ------
+    ValueError
+        where a start contradicts its motion state (decisions e and k of docs/model.md).
+    """
+    if isinstance(start, str):
+        if start != "rest":
+            raise ValueError(f"start = {start!r}, 'rest' or (motion_state, phi, phi_dot) is meant")
+        if osc.force < 0 and osc.gap == "one_flank":
+            raise ValueError("start = 'rest' with a negative force needs a coast flank to rest on")
+        return engine.REST, 0.0, 0.0
+    motion_state, phi, phi_dot = start
+    state = (MotionState[motion_state.upper()] if isinstance(motion_state, str)
+             else MotionState(motion_state))
+    if not (np.isfinite(phi) and np.isfinite(phi_dot)):
+        raise ValueError("start: phi and phi_dot must be finite")
+    return float(state), float(phi), float(phi_dot)
+
+
+def _check_start(osc, start, phase):
+    """Refuse a start on the wrong side of a flank."""
+    state, phi, _ = engine_start(osc, start)
+    if state == engine.REST:
+        return
+    depth = -osc.gap_width
+    if not osc.back_flank_te:
+        depth -= osc.flank_scale * float(osc.te.value(phase))
+    slack = 4e-16 * abs(depth) if np.isfinite(depth) else 0.0
+    meant = None
+    if state == MotionState.SEPARATION and not depth - slack <= phi <= 0:
+        meant = f"separation lies between phi = {depth:.6g} and 0"
+    elif state == MotionState.ENGAGEMENT and (phi < 0 or osc.contact_law == "rigid" and phi > 0):
+        meant = "engagement means phi >= 0 (rigid: phi = 0)"
+    elif state == MotionState.BACK_ENGAGEMENT and osc.gap == "one_flank":
+        meant = "there is no coast flank (gap = 'one_flank')"
+    elif state == MotionState.BACK_ENGAGEMENT and phi > depth + slack:
+        meant = f"back engagement means phi <= {depth:.6g}"
+    if meant:
+        raise ValueError(f"start: phi = {phi:.6g} contradicts its motion state: {meant}")
+
+
+def _check_arguments(osc, start, phase, cycles, method, record):
+    if method != "rk4":
+        raise ValueError(f"method = {method!r}, 'rk4' is meant")
+    unknown = [name for name in record if name not in RECORDS]
+    if isinstance(record, str) or unknown:
+        raise ValueError(f"record = {record!r}, a tuple of {', '.join(RECORDS)} is meant")
+    if not (np.isfinite(cycles) and 0 < cycles < 2**31 - 2):
+        raise ValueError(f"cycles = {cycles!r}, a number above 0 is meant")
+    if isinstance(start, HybridState):
+        if start._blob is None:
+            raise ValueError("start: this state is no end of a run")
+        return
+    if not 0 <= phase < 1:
+        raise ValueError(f"phase = {phase!r}, 0 <= phase < 1 is meant")
+    _check_start(osc, start, phase)
+
+
+def _result(osc, call, origin, cycles, target, pending, numerics, method):
+    """Cut the engine's result at the target; what lies beyond waits for the continuation."""
+    phase0, period = origin[1], osc.period
+    log = call.log if pending is None else np.vstack([pending, call.log])
+    at = (call.cycle, call.t, call.motion_state, call.phi, call.phi_dot)
+    pending = None
+    if call.status == Status.OK and (call.cycle, call.t) != target:
+        beyond = (log[:, 1] > target[0]) | ((log[:, 1] == target[0]) & (log[:, 2] > target[1]))
+        log, pending = log[~beyond], log[beyond]
+        state, phi, phi_dot = call.samples[0]
+        at = (*target, int(state), phi, phi_dot)
+    final = HybridState(
+        motion_state=MotionState(at[2]), phi=float(at[3]), phi_dot=float(at[4]),
+        phase=float(at[1] / period), tau=float(_tau(at[0], at[1], phase0, period)),
+        _origin=origin, _cycles=cycles, _blob=call.blob, _pending=pending)
+    return Run(oscillator=osc, events=_event_dataset(log, phase0, period),
+               cycles=_cycle_dataset(call.cycles), final=final, status=call.status,
+               work=call.work, method=method, _numerics=numerics)
+
+
+def _tau(cycle, t, phase0, period):
+    return cycle * period + (t - phase0 * period)
+
+
+def _event_dataset(log, phase0, period):
+    import xarray as xr
+
+    columns = dict(zip(LOG_NAMES, log.T, strict=True))
+    tau = _tau(columns["cycle"], columns["t"], phase0, period)
+    data = {
+        "tau": tau, "cycle": columns["cycle"].astype(np.int64), "phase": columns["t"] / period,
+        "kind": columns["kind"].astype(np.int8), "phi": columns["phi"],
+        "velocity_before": columns["velocity_before"], "velocity_after": columns["velocity_after"]}
+    dataset = xr.Dataset({name: ("event", values) for name, values in data.items()})
+    for name, units in (("tau", "1"), ("phase", "mesh periods"), ("phi", "rad"),
+                        ("velocity_before", "rad per tau"), ("velocity_after", "rad per tau")):
+        dataset[name].attrs["units"] = units
+    return dataset
+
+
+def _cycle_dataset(rows):
+    import xarray as xr
+
+    integer = {name for name in CYCLE_NAMES
+               if name not in ("phi", "phi_dot", "deepest_separation", "deepest_back_penetration")}
+    data = {name: ("cycle", column.astype(np.int64) if name in integer else column)
+            for name, column in zip(CYCLE_NAMES, rows.T, strict=True)}
+    return xr.Dataset(data).set_coords("cycle")
+
+
+def _history(run, taus):
+    import xarray as xr
+
+    osc, (start, phase0) = run.oscillator, run.final._origin
+    cycle, t = np.divmod(taus + phase0 * osc.period, osc.period)
+    call = TrajectoryCall(osc, (*start, phase0), numerics=run._numerics, wanted=Wanted())
+    end = position(phase0, run.final._cycles, osc.period)
+    if run.status != Status.OK:
+        end = (int(np.floor(run.final.tau / osc.period + phase0)), run.final.phase * osc.period)
+    call.run(end, np.column_stack([cycle, t]))
+    state, phi, phi_dot = call.samples.T
+    return xr.Dataset(
+        {"phase": ("tau", t / osc.period), "motion_state": ("tau", state.astype(np.int8)),
+         "phi": ("tau", phi), "phi_dot": ("tau", phi_dot)}, coords={"tau": taus},
+        attrs={"samples": call.work["samples"]})
+
+
+__all__ = ["HybridState", "ParameterError", "Run", "simulate"]
