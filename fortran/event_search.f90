@@ -138,11 +138,12 @@ contains
     type(crossing_t), intent(inout) :: crossing      !! dense crossing in, polished out
     real(wp), intent(out) :: z_event(max_states)     !! local coordinates at the event
     type(work_t), intent(inout) :: work              !! counts
-    real(wp) :: s, dense_s, distance, approach, move, last_move
+    real(wp) :: s, dense_s, distance, approach, move, last_move, rate(max_states)
     integer :: i
     dense_s = crossing%s
     s = dense_s
     last_move = huge(s)
+    rate = 0
     do i = 1, max_polish
       call rk4_move(system, frame, motion_state, s, z, z_event)
       work%polish_steps = work%polish_steps + 1
@@ -150,7 +151,15 @@ contains
       crossing%s = s
       if (approach == 0) return
       move = distance/approach
-      if (abs(move) <= 2*epsilon(s)*s .or. abs(move) >= 0.5_wp*last_move) return
+      if (abs(move) >= 0.5_wp*last_move) return
+      if (abs(move) <= 4*epsilon(s)*s) then
+        ! Below the resolution of time, but left out of the state it would be energy lost.
+        call system%derivatives(frame, motion_state, s, z_event(1:system%n_states), &
+            rate(1:system%n_states))
+        z_event = z_event + move*rate
+        crossing%s = s + move
+        return
+      end if
       if (abs(s + move - dense_s) > trust*h .or. s + move <= 0 .or. s + move > h) exit
       s = s + move
       last_move = abs(move)

@@ -188,20 +188,20 @@ contains
     end do
   end function sign_variations
 
-  !> The one root between lower and upper (values of opposite sign): Newton kept in its bracket.
+  !> The one root between lower, where the polynomial is positive, and upper: Newton kept in its
+  !> bracket. A value that rounds to zero or below at lower puts the root there.
   pure real(wp) function bracketed_root(c, lower, upper) result(x)
     real(wp), intent(in) :: c(0:max_degree)  !! coefficients
     real(wp), intent(in) :: lower, upper     !! bracket
-    real(wp) :: a, b, value, slope, step, sign_at_a
+    real(wp) :: a, b, value, slope, step
     integer :: iteration
     a = lower
     b = upper
-    sign_at_a = merge(1.0_wp, -1.0_wp, horner(c, a) > 0)
     x = a
     do iteration = 1, max_iterations
       value = horner(c, x)
       slope = horner_slope(c, x)
-      if (sign_at_a*value > 0) then
+      if (value > 0) then
         a = x
       else
         b = x

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -34,6 +34,7 @@ class HybridState:
     tau: float
     # The engine's state may lie up to one step past the point reported above; events between the
     # two have been logged already and wait here.
+    _oscillator: object = field(repr=False, default=None, compare=False)
     _origin: tuple = field(repr=False, default=())
     _cycles: float = field(repr=False, default=0.0)
     _blob: np.ndarray | None = field(repr=False, default=None, compare=False)
@@ -196,10 +197,24 @@ def _check_arguments(osc, start, phase, cycles, method, record):
     if isinstance(start, HybridState):
         if start._blob is None:
             raise ValueError("start: this state is no end of a run")
+        if not _same(osc, start._oscillator):
+            raise ValueError(
+                "start: this state belongs to another oscillator; to begin there, give "
+                "start=(state.motion_state, state.phi, state.phi_dot) and phase=state.phase")
         return
     if not 0 <= phase < 1:
         raise ValueError(f"phase = {phase!r}, 0 <= phase < 1 is meant")
     _check_start(osc, start, phase)
+
+
+def _same(one, other):
+    """Whether two oscillators are the same in every number."""
+    if one is other:
+        return True
+    plain = [replace(osc, te=one.te) for osc in (one, other)]
+    return plain[0] == plain[1] and all(
+        np.array_equal(getattr(one.te, name), getattr(other.te, name))
+        for name in ("knots", "coefficients", "kinks"))
 
 
 def _result(osc, call, origin, cycles, target, pending, numerics, method):
@@ -216,7 +231,7 @@ def _result(osc, call, origin, cycles, target, pending, numerics, method):
     final = HybridState(
         motion_state=MotionState(at[2]), phi=float(at[3]), phi_dot=float(at[4]),
         phase=float(at[1] / period), tau=float(_tau(at[0], at[1], phase0, period)),
-        _origin=origin, _cycles=cycles, _blob=call.blob, _pending=pending)
+        _oscillator=osc, _origin=origin, _cycles=cycles, _blob=call.blob, _pending=pending)
     return Run(oscillator=osc, events=_event_dataset(log, phase0, period),
                cycles=_cycle_dataset(call.cycles), final=final, status=call.status,
                work=call.work, method=method, _numerics=numerics)
