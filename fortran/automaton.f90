@@ -10,9 +10,9 @@ module lapwing_automaton
   use lapwing_event_search, only: crossing_t, find_crossing, polish_crossing, work_t, first_descent
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_polynomial, only: max_degree
-  use lapwing_rk4, only: rk4_step
+  use lapwing_rk4, only: rk4_step, rk4_move
   use lapwing_step_control, only: error_ratio, after_accepted, after_rejected
-  use lapwing_system, only: system_t, max_states
+  use lapwing_system, only: system_t, frame_t, max_states
   implicit none
   private
   public :: advance
@@ -45,7 +45,7 @@ contains
     end if
     if (.not. resolved) then
       if (system%rigid .and. segment%motion_state /= separation) then
-        call follow(system, state, segment)
+        call follow(system, state, segment, z)
       else
         call step_on(system, numerics, state, segment, z, work, status)
       end if
@@ -69,11 +69,11 @@ contains
       call system%contact(segment%frame, flank, 0.0_wp, z, distance, approach)
       if (flank == state%instant%touching) then
         if (system%sums_chatter(flank) .and. .not. system%compliant) &
-            call sum_chatter(system, numerics, state, segment, flank, -approach, resolved)
+            call sum_chatter(system, numerics, state, segment, z, flank, -approach, resolved)
         if (resolved) return
       else if (distance <= 0) then
         if (approach > 0 .or. (.not. approach < 0 &
-            .and. pressing_sign(system, segment%frame, flank, 0.0_wp) > 0)) then
+            .and. pressing_sign(system, segment%frame, flank, 0.0_wp, z) > 0)) then
           call strike(system, state, segment, segment%frame, flank, 0.0_wp, z)
           resolved = .true.
           return
@@ -98,7 +98,7 @@ contains
     call system%contact(segment%frame, flank, 0.0_wp, z, distance, approach)
     if (distance < 0) return
     if (approach < 0 .or. (.not. approach > 0 &
-        .and. pressing_sign(system, segment%frame, flank, 0.0_wp) < 0)) then
+        .and. pressing_sign(system, segment%frame, flank, 0.0_wp, z) < 0)) then
       call let_go(system, state, segment, flank, approach)
       resolved = .true.
     else
@@ -107,47 +107,53 @@ contains
   end subroutine keep_contact
 
   !> End a chatter whose rest is short and regular enough to be summed.
-  subroutine sum_chatter(system, numerics, state, segment, flank, speed, resolved)
+  subroutine sum_chatter(system, numerics, state, segment, z, flank, speed, resolved)
     class(system_t), intent(in) :: system           !! what moves
     type(numerics_t), intent(in) :: numerics        !! tolerances
     type(hybrid_state_t), intent(inout) :: state    !! state
     type(segment_t), intent(inout) :: segment       !! what happened
+    real(wp), intent(in) :: z(max_states)           !! local coordinates at the beginning
     integer, intent(in) :: flank                    !! flank being bounced on
     real(wp), intent(in) :: speed                   !! speed after the last impact
     logical, intent(out) :: resolved                !! whether the chatter ended
-    real(wp) :: pressing(0:max_degree), duration
-    call system%pressing(segment%frame, flank, pressing)
+    real(wp) :: pressing(0:max_degree), duration, z_end(max_states)
+    call system%pressing(segment%frame, flank, 0.0_wp, z, pressing)
     call remaining_chatter(pressing, speed, system%restitution, system%period, &
         numerics%chatter_tolerance, segment%frame%piece_end, resolved, duration)
     if (.not. resolved) return
+    ! Whatever else the system has moves on as in contact; the tooth itself ends on the flank.
+    call rk4_move(system, segment%frame, flank, duration, z, z_end)
+    call system%commit(segment%frame, duration, z_end, flank, state%instant%y)
     segment%length = duration
     state%instant%t = state%instant%t + duration
     call begin_contact(system, state, segment, event_chatter_end, flank, 0.0_wp)
   end subroutine sum_chatter
 
   !> Rigid contact: on the flank until it would have to pull, or to the next kink or cycle.
-  subroutine follow(system, state, segment)
+  subroutine follow(system, state, segment, z)
     class(system_t), intent(in) :: system           !! what moves
     type(hybrid_state_t), intent(inout) :: state    !! state
     type(segment_t), intent(inout) :: segment       !! what happened
+    real(wp), intent(in) :: z(max_states)           !! local coordinates at the beginning
     type(crossing_t) :: at
     real(wp) :: pressing(0:max_degree), s
     integer :: flank
     flank = segment%motion_state
     at%frame = segment%frame
     do
-      call system%pressing(at%frame, flank, pressing)
+      call system%pressing(at%frame, flank, at%frame%piece_begin, z, pressing)
       call first_descent(pressing, at%frame%piece_end - at%frame%piece_begin, .true., at%found, s)
       if (at%found) exit
       if (at%frame%piece_end >= at%frame%stop) exit
       call system%next_piece(at%frame)
-      call system%pressing(at%frame, flank, pressing)
+      call system%pressing(at%frame, flank, at%frame%piece_begin, z, pressing)
       if (pressing(0) < 0) then
         at%found = .true.
         s = 0
         exit
       end if
     end do
+    if (at%found) at%found = .not. at_stop(segment%frame, at%frame%piece_begin + s)
     if (at%found) then
       segment%length = at%frame%piece_begin + s
       call move_time(state, segment)
@@ -168,16 +174,16 @@ contains
     type(work_t), intent(inout) :: work             !! counts
     integer, intent(out) :: status                  !! status_*
     type(crossing_t) :: crossing
-    real(wp) :: z_end(max_states), ends
+    real(wp) :: z_end(max_states), z_event(max_states)
     segment%stepped = .true.
     call accept_step(system, numerics, state, segment, z, z_end, work, status)
     if (status /= status_ok) return
     call find_crossing(system, segment%frame, segment%motion_state, state%instant%touching, &
         segment%motion, work, crossing)
     if (crossing%found) then
-      ! Equal times: what happens at the stop, a kink or the cycle's end, comes first.
-      ends = segment%frame%t + segment%frame%stop
-      if (segment%frame%t + crossing%s >= ends - spacing(ends)) then
+      call polish_crossing(system, segment%frame, segment%motion_state, segment%motion%h, z, &
+          crossing, z_event, work)
+      if (at_stop(segment%frame, crossing%s)) then
         crossing%found = .false.
         do while (crossing%frame%piece_end < segment%motion%h)
           call system%next_piece(crossing%frame)
@@ -185,9 +191,7 @@ contains
       end if
     end if
     if (crossing%found) then
-      call polish_crossing(system, segment%frame, segment%motion_state, segment%motion%h, z, &
-          crossing, z_end, work)
-      call end_at_crossing(system, state, segment, crossing, z_end)
+      call end_at_crossing(system, state, segment, crossing, z_event)
     else
       segment%length = segment%motion%h
       call system%commit(crossing%frame, segment%length, z_end, state%instant%chart, &
@@ -200,6 +204,16 @@ contains
       end if
     end if
   end subroutine step_on
+
+  !> Equal times, to the resolution of time: what happens at the stop, a kink or the end of the
+  !> cycle, comes before an event at a flank.
+  pure logical function at_stop(frame, s)
+    type(frame_t), intent(in) :: frame   !! frame as opened
+    real(wp), intent(in) :: s            !! time of the event since then
+    real(wp) :: ends
+    ends = frame%t + frame%stop
+    at_stop = frame%t + s >= ends - spacing(ends)
+  end function at_stop
 
   !> Try steps until the error estimate is within the tolerance.
   subroutine accept_step(system, numerics, state, segment, z, z_end, work, status)

@@ -6,7 +6,7 @@ module lapwing_contact_rules
   use lapwing_codes, only: separation, drive_flank, event_impact, event_release, event_engage, &
       event_chatter_end, event_kind
   use lapwing_hybrid_state, only: hybrid_state_t, segment_t
-  use lapwing_polynomial, only: max_degree, taylor_shift
+  use lapwing_polynomial, only: max_degree, first_nonzero
   use lapwing_system, only: system_t, frame_t, max_states
   implicit none
   private
@@ -37,27 +37,28 @@ contains
       after = system%rebound(frame, flank, s, before)
       call system%launch(flank, after, state%instant%y)
       call log_event(system, state, segment, event_impact, flank, before, after)
-      call settle(system, state, segment, frame, flank, s, after)
+      call settle(system, state, segment, frame, flank, s, z, after)
     end if
   end subroutine strike
 
   !> After an impact: the tooth rebounds, goes on into the flank, or rests on it if pressed.
-  subroutine settle(system, state, segment, frame, flank, s, after)
+  subroutine settle(system, state, segment, frame, flank, s, z, after)
     class(system_t), intent(in) :: system           !! what moves
     type(hybrid_state_t), intent(inout) :: state    !! state
     type(segment_t), intent(inout) :: segment       !! what happened
     type(frame_t), intent(in) :: frame              !! frame on the piece that holds s
     integer, intent(in) :: flank                    !! flank struck
     real(wp), intent(in) :: s                       !! time since the frame was opened
+    real(wp), intent(in) :: z(max_states)           !! local coordinates
     real(wp), intent(in) :: after                   !! approach velocity after the impact
-    real(wp) :: pressing
+    real(wp) :: pressing(0:max_degree)
     if (after > 0) then
       call begin_contact(system, state, segment, event_engage, flank, after)
     else if (after < 0) then
-      pressing = pressing_at(system, frame, flank, s)
-      if (below_resolution(pressing, -after, system%period)) &
+      call system%pressing(frame, flank, s, z, pressing)
+      if (below_resolution(pressing(0), -after, system%period)) &
           call begin_contact(system, state, segment, event_chatter_end, flank, 0.0_wp)
-    else if (pressing_sign(system, frame, flank, s) > 0) then
+    else if (pressing_sign(system, frame, flank, s, z) > 0) then
       call begin_contact(system, state, segment, event_engage, flank, 0.0_wp)
     end if
   end subroutine settle
@@ -79,7 +80,7 @@ contains
       after = system%rebound(frame, flank, 0.0_wp, before)
       call system%launch(flank, after, state%instant%y)
       call log_event(system, state, segment, event_impact, flank, before, after)
-      if (after < 0 .or. pressing_sign(system, frame, flank, 0.0_wp) < 0) &
+      if (after < 0 .or. pressing_sign(system, frame, flank, 0.0_wp, z) < 0) &
           call let_go(system, state, segment, flank, after)
     else if (before < 0) then
       call let_go(system, state, segment, flank, before)
@@ -113,36 +114,18 @@ contains
     call log_event(system, state, segment, event_release, flank, approach, approach)
   end subroutine let_go
 
-  !> Pressing acceleration at s.
-  pure real(wp) function pressing_at(system, frame, flank, s)
-    class(system_t), intent(in) :: system           !! what moves
-    type(frame_t), intent(in) :: frame              !! frame on the piece that holds s
-    integer, intent(in) :: flank                    !! flank
-    real(wp), intent(in) :: s                       !! time since the frame was opened
-    real(wp) :: c(0:max_degree)
-    call system%pressing(frame, flank, c)
-    call taylor_shift(c, s - frame%piece_begin)
-    pressing_at = c(0)
-  end function pressing_at
-
   !> Sign of the first derivative of the pressing acceleration that does not vanish at s: whether
   !> a tooth at rest on the flank stays (+1), leaves (-1) or is left where it is (0).
-  pure real(wp) function pressing_sign(system, frame, flank, s)
+  pure real(wp) function pressing_sign(system, frame, flank, s, z)
     class(system_t), intent(in) :: system           !! what moves
     type(frame_t), intent(in) :: frame              !! frame on the piece that holds s
     integer, intent(in) :: flank                    !! flank
     real(wp), intent(in) :: s                       !! time since the frame was opened
-    real(wp) :: c(0:max_degree)
-    integer :: k
-    call system%pressing(frame, flank, c)
-    call taylor_shift(c, s - frame%piece_begin)
-    pressing_sign = 0
-    do k = 0, max_degree
-      if (c(k) /= 0) then
-        pressing_sign = sign(1.0_wp, c(k))
-        return
-      end if
-    end do
+    real(wp), intent(in) :: z(max_states)           !! local coordinates at s
+    real(wp) :: c(0:max_degree), leading
+    call system%pressing(frame, flank, s, z, c)
+    leading = first_nonzero(c)
+    pressing_sign = merge(0.0_wp, sign(1.0_wp, leading), leading == 0)
   end function pressing_sign
 
   !> Add a line to the segment's events.

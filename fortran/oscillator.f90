@@ -9,7 +9,8 @@ module lapwing_oscillator
   use lapwing_codes, only: separation, engagement, back_engagement, drive_flank, coast_flank, &
       law_compliant, law_rigid, law_absolute, gap_symmetric, gap_one_flank
   use lapwing_polynomial, only: max_degree, horner, horner_slope, taylor_shift
-  use lapwing_system, only: system_t, instant_t, frame_t, motion_t, max_states, dense_degree
+  use lapwing_system, only: system_t, instant_t, frame_t, motion_t, step_t, max_states, &
+      dense_degree, richardson, mean_rate
   use lapwing_transmission_error, only: te_table_t, te_table, locate_piece, expand_at, &
       flank_motion_at
   implicit none
@@ -225,15 +226,14 @@ contains
   end subroutine flank_in_frame
 
   !> The stages with derivatives in place: the same text as `stages_by_dispatch`.
-  subroutine stages(self, frame, motion_state, h, z, k)
-    use lapwing_rk4_tableau, only: n_stages, a21, a31, a32, a41, a42, a43, a51, a52, a53, a54, &
-        b1, b3, b4, b5, c2, c3, c4, c5
+  subroutine stages(self, frame, motion_state, h, z, dense, step)
     class(oscillator_t), intent(in) :: self
-    type(frame_t), intent(in) :: frame                  !! frame as opened
-    integer, intent(in) :: motion_state                 !! motion state
-    real(wp), intent(in) :: h                           !! step
-    real(wp), intent(in) :: z(max_states)               !! local coordinates at s = 0
-    real(wp), intent(out) :: k(max_states, n_stages)    !! stage derivatives; the last is at s = h
+    type(frame_t), intent(in) :: frame             !! frame as opened
+    integer, intent(in) :: motion_state            !! motion state
+    real(wp), intent(in) :: h                      !! step
+    real(wp), intent(in) :: z(max_states)          !! local coordinates at s = 0
+    logical, intent(in) :: dense                   !! whether the rate at the end is wanted
+    type(step_t), intent(inout) :: step            !! the result
     integer, parameter :: n = 2
     include 'rk4_stages.inc'
   contains
@@ -266,8 +266,7 @@ contains
       power = power*inverse
     end do
     if (frame%piece_begin > 0) call taylor_shift(position, frame%piece_begin)
-    c = frame%flank(:, flank)
-    c(0:dense_degree) = c(0:dense_degree) - position
+    c = frame%flank(:, flank) - position
     if (flank == coast_flank) c = -c
   end subroutine gap
 
@@ -302,15 +301,20 @@ contains
   end subroutine commit
 
   !> F - g'' at the drive flank, its opposite at the coast flank.
-  pure subroutine pressing(self, frame, flank, c)
+  pure subroutine pressing(self, frame, flank, s, z, c)
     class(oscillator_t), intent(in) :: self
     type(frame_t), intent(in) :: frame           !! frame
     integer, intent(in) :: flank                 !! flank
-    real(wp), intent(out) :: c(0:max_degree)     !! coefficients in s - piece_begin
+    real(wp), intent(in) :: s                    !! time since the frame was opened
+    real(wp), intent(in) :: z(max_states)        !! local coordinates: without effect
+    real(wp), intent(out) :: c(0:max_degree)     !! Taylor coefficients about s
+    real(wp) :: path(0:max_degree)
     integer :: k
+    path = frame%flank(:, flank)
+    if (s > frame%piece_begin) call taylor_shift(path, s - frame%piece_begin)
     c = 0
     do k = 0, max_degree - 2
-      c(k) = -(k + 1)*(k + 2)*frame%flank(k + 2, flank)
+      c(k) = -(k + 1)*(k + 2)*path(k + 2)
     end do
     c(0) = c(0) + self%force
     if (flank == coast_flank) c = -c

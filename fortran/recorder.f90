@@ -10,7 +10,7 @@ module lapwing_recorder
   implicit none
   private
   public :: recorder_t, sums_t, record_segment, start_recording, log_columns, cycle_columns
-  public :: sample_columns, log_has_room, sample_at, max_flights
+  public :: sample_columns, log_has_room, look_ahead, sample_at, max_flights
 
   integer, parameter :: log_columns = 6       !! kind, cycle, t, phi, velocity before, after
   integer, parameter :: cycle_columns = 17    !! see `close_cycle`
@@ -34,6 +34,7 @@ module lapwing_recorder
     real(wp) :: back_penetration = 0           !! deepest point in the coast flank, rad
     integer :: states_visited = 0              !! bit k: motion state k
     real(wp) :: strobe(3) = 0                  !! motion state, phi, phi' at the cycle's beginning
+    real(wp) :: grazes_known_to = -1           !! near-grazes of the stretch up to here are logged
     integer :: n_flights = 0                   !! flights of the cycle ended by an impact
     real(wp) :: flight(max_flights) = 0        !! their depths, negative: at the coast flank
   end type sums_t
@@ -81,7 +82,10 @@ contains
     type(work_t), intent(inout) :: work          !! counts
     integer :: i
     if (associated(self%samples)) call take_samples(self, system, segment, work)
-    if (self%want_grazes .and. segment%stepped) call find_grazes(self, system, segment, work)
+    if (self%want_grazes .and. segment%stepped) then
+      call find_grazes(self, system, segment, huge(1.0_wp), work)
+      self%sums%grazes_known_to = -1
+    end if
     if (self%want_strobe .or. self%want_cycles) call strobe(self, system, segment, before)
     if (self%want_cycles) call measure(self, system, segment, work)
     if (segment%cycle_completed .and. (self%want_strobe .or. self%want_cycles)) &
@@ -91,6 +95,20 @@ contains
       if (self%want_cycles) call count_event(self, segment%events(i))
     end do
   end subroutine record_segment
+
+  !> Record what lies before `until` in a segment that is about to be taken back.
+  subroutine look_ahead(self, system, segment, until, work)
+    type(recorder_t), intent(inout) :: self
+    class(system_t), intent(in) :: system        !! what moves
+    type(segment_t), intent(in) :: segment       !! what happened
+    real(wp), intent(in) :: until                !! time in the segment's cycle
+    type(work_t), intent(inout) :: work          !! counts
+    if (associated(self%samples)) call take_samples(self, system, segment, work)
+    if (self%want_grazes .and. segment%stepped .and. until > segment%t) then
+      call find_grazes(self, system, segment, until, work)
+      self%sums%grazes_known_to = until
+    end if
+  end subroutine look_ahead
 
   !> The cycle's first state: where its first stretch of positive length begins.
   subroutine strobe(self, system, segment, before)
@@ -245,10 +263,11 @@ contains
   end subroutine log_line
 
   !> Log where a segment comes near a flank, or near release, and turns back.
-  subroutine find_grazes(self, system, segment, work)
+  subroutine find_grazes(self, system, segment, until, work)
     type(recorder_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
     type(segment_t), intent(in) :: segment       !! what happened
+    real(wp), intent(in) :: until                !! time in the cycle: later ones wait
     type(work_t), intent(inout) :: work          !! counts
     type(frame_t) :: frame
     integer :: flank
@@ -256,7 +275,7 @@ contains
     do
       do flank = 1, system%n_flanks
         if (segment%motion_state /= separation .and. segment%motion_state /= flank) cycle
-        call graze_on_piece(self, system, segment, frame, flank, work)
+        call graze_on_piece(self, system, segment, frame, flank, until, work)
       end do
       if (frame%piece_end >= segment%length) return
       call system%next_piece(frame)
@@ -264,12 +283,13 @@ contains
   end subroutine find_grazes
 
   !> Near-grazes of one flank on one piece.
-  subroutine graze_on_piece(self, system, segment, frame, flank, work)
+  subroutine graze_on_piece(self, system, segment, frame, flank, until, work)
     type(recorder_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
     type(segment_t), intent(in) :: segment       !! what happened
     type(frame_t), intent(in) :: frame           !! frame on the piece
     integer, intent(in) :: flank                 !! flank
+    real(wp), intent(in) :: until                !! time in the cycle: later ones wait
     type(work_t), intent(inout) :: work          !! counts
     real(wp) :: c(0:max_degree), length, at(max_degree), distance
     type(event_t) :: event
@@ -286,6 +306,7 @@ contains
       if (distance <= 0 .or. distance > self%graze_distance) cycle
       if (horner(c, at(i) - 1.0e-3_wp*length) < distance) cycle
       call instant_in_segment(system, segment, frame, frame%piece_begin + at(i), instant)
+      if (instant%t <= self%sums%grazes_known_to .or. instant%t > until) cycle
       event%kind = event_kind(event_near_graze, flank)
       event%cycle = segment%cycle
       event%t = instant%t

@@ -2,23 +2,27 @@
 module lapwing_run
   use lapwing_kinds, only: wp, int64
   use lapwing_automaton, only: advance
-  use lapwing_codes, only: status_ok, status_unfinished
+  use lapwing_codes, only: status_ok, status_unfinished, status_step_too_small, &
+      status_not_finite
   use lapwing_event_search, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
-  use lapwing_recorder, only: recorder_t, record_segment, log_has_room, sample_at
+  use lapwing_recorder, only: recorder_t, record_segment, log_has_room, sample_at, look_ahead
   use lapwing_system, only: system_t, instant_t
   implicit none
   private
-  public :: run_to, deadline_in, reached
+  public :: run_to, deadline_in
 
   !> Segments between two looks at the clock: some 30 microseconds.
   integer, parameter :: segments_per_look = 128
 
 contains
 
-  !> Advance until the target is reached or passed, the deadline has come, the log is full, or
-  !> something has gone wrong. The state never stops inside a stretch, so that where a run is cut
-  !> changes nothing: it may end up to one step past the target.
+  !> Advance until the target, the deadline has come, the log is full, or something has gone wrong.
+  !> Everything that happens at the target's own instant belongs to the run.
+  !>
+  !> A stretch that would pass the target is looked at (a sample there sees it) and taken back: the
+  !> state stays where it began and nothing else of it is recorded. Going on repeats it bit for
+  !> bit, so that where a run is cut changes nothing.
   subroutine run_to(system, numerics, target_cycle, target_t, deadline, state, recorder, work, &
       status)
     class(system_t), intent(in) :: system            !! what moves
@@ -31,11 +35,12 @@ contains
     type(work_t), intent(inout) :: work              !! counts
     integer, intent(out) :: status                   !! status_*
     type(segment_t) :: segment
-    type(instant_t) :: before
+    type(hybrid_state_t) :: before
+    type(work_t) :: work_before
     integer :: looks
     status = status_ok
     looks = 0
-    do while (.not. reached(state%instant, target_cycle, target_t))
+    do while (.not. passed(state%instant, target_cycle, target_t))
       looks = looks + 1
       if (.not. log_has_room(recorder)) status = status_unfinished
       if (looks == segments_per_look) then
@@ -43,10 +48,22 @@ contains
         looks = 0
       end if
       if (status /= status_ok) return
-      before = state%instant
+      before = state
+      work_before = work
       call advance(system, numerics, state, segment, work, status)
+      if (status == status_step_too_small .or. status == status_not_finite) then
+        state = before
+        return
+      end if
+      if (passed(state%instant, target_cycle, target_t)) then
+        state = before
+        work = work_before
+        status = status_ok
+        call look_ahead(recorder, system, segment, target_t, work)
+        exit
+      end if
+      call record_segment(recorder, system, segment, before%instant, work)
       if (status /= status_ok) return
-      call record_segment(recorder, system, segment, before, work)
     end do
     if (associated(recorder%samples)) &
         call sample_end(recorder, system, state%instant, work)
@@ -66,14 +83,14 @@ contains
     end do
   end subroutine sample_end
 
-  !> Whether a target is reached.
-  pure logical function reached(instant, target_cycle, target_t)
+  !> Whether a target lies behind.
+  pure logical function passed(instant, target_cycle, target_t)
     type(instant_t), intent(in) :: instant           !! where the system is
     integer, intent(in) :: target_cycle              !! cycle of the target
     real(wp), intent(in) :: target_t                 !! time in it
-    reached = instant%cycle > target_cycle &
-        .or. (instant%cycle == target_cycle .and. instant%t >= target_t)
-  end function reached
+    passed = instant%cycle > target_cycle &
+        .or. (instant%cycle == target_cycle .and. instant%t > target_t)
+  end function passed
 
   !> Clock count so many seconds from now.
   integer(int64) function deadline_in(seconds)

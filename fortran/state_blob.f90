@@ -12,7 +12,7 @@ module lapwing_state_blob
   integer, parameter :: work_size = 8
   !> The counts come first: Python reads them there.
   integer, parameter :: at = work_size
-  integer, parameter :: fixed_size = at + 35 + max_states
+  integer, parameter :: fixed_size = at + 36 + max_states
   integer, parameter :: blob_size = fixed_size + max_flights
 
 contains
@@ -27,17 +27,17 @@ contains
     associate (instant => state%instant)
       blob = 0
       blob(1:work_size) = pack_work(work)
-      blob(at + 1:at + 6) = real([instant%motion_state, instant%chart, instant%touching, instant%cycle, &
-          instant%piece, state%events_in_cycle], wp)
+      blob(at + 1:at + 6) = real([instant%motion_state, instant%chart, instant%touching, &
+          instant%cycle, instant%piece, state%events_in_cycle], wp)
       blob(at + 7:at + 8) = [real(state%steps_in_cycle, wp), instant%t]
       blob(at + 9:at + 14) = [state%memory%step, state%memory%ratio]
     end associate
     blob(at + 15:at + 20) = real([sums%n_log, sums%n_cycles, sums%next_sample, &
         merge(1, 0, sums%strobe_due), sums%states_visited, sums%n_flights], wp)
     blob(at + 21:at + 28) = sums%counter
-    blob(at + 29:at + 35) = [sums%flight_depth, sums%cycle_depth, sums%back_penetration, sums%strobe, &
-        sums%flight_depth_before]
-    blob(at + 36:fixed_size) = state%instant%y
+    blob(at + 29:at + 36) = [sums%flight_depth, sums%cycle_depth, sums%back_penetration, &
+        sums%strobe, sums%flight_depth_before, sums%grazes_known_to]
+    blob(at + 37:fixed_size) = state%instant%y
     n = sums%n_flights
     blob(fixed_size + 1:fixed_size + n) = sums%flight(1:n)
   end subroutine pack_blob
@@ -57,7 +57,7 @@ contains
       instant%cycle = number(4)
       instant%piece = number(5)
       instant%t = blob(at + 8)
-      instant%y = blob(at + 36:fixed_size)
+      instant%y = blob(at + 37:fixed_size)
     end associate
     state%events_in_cycle = number(6)
     state%steps_in_cycle = number(7)
@@ -75,6 +75,7 @@ contains
     sums%back_penetration = blob(at + 31)
     sums%strobe = blob(at + 32:at + 34)
     sums%flight_depth_before = blob(at + 35)
+    sums%grazes_known_to = blob(at + 36)
     work = unpack_work(blob(1:work_size))
     n = sums%n_flights
     sums%flight(1:n) = blob(fixed_size + 1:fixed_size + n)

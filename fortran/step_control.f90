@@ -1,7 +1,7 @@
 !> The step rule: proportional-integral control of the local error.
 !>
 !> Gustafsson, Lundh and Soderlind, BIT 28 (1988) 270-287. The exponents are sixteenths, near the
-!> usual 0.7/4 and 0.4/4, so that square roots make them: those are the same on every processor.
+!> usual 0.7/5 and 0.4/5, so that square roots make them: those are the same on every processor.
 !> Each motion state keeps a memory of its own, so that a flight does not lengthen the first step
 !> in contact, nor a contact shorten the next flight.
 module lapwing_step_control
@@ -44,7 +44,7 @@ contains
     logical, intent(in) :: cut_short               !! whether it was shorter than proposed
     real(wp) :: factor, bounded
     bounded = max(ratio, least_ratio)
-    factor = safety*fourth_root(fourth_root(memory%ratio**2/bounded**3))
+    factor = safety*fourth_root(fourth_root(memory%ratio/bounded**2))
     factor = min(most_growth, max(most_shrinkage, factor))
     if (cut_short) then
       memory%step = max(memory%step, h*factor)
@@ -54,7 +54,8 @@ contains
     end if
   end subroutine after_accepted
 
-  !> Step to try after one whose error was too large: the estimate falls as h**4.
+  !> Step to try after one whose error was too large: the estimate falls as h**5, the fourth root
+  !> leaves a margin.
   pure real(wp) function after_rejected(h, ratio)
     real(wp), intent(in) :: h       !! step tried
     real(wp), intent(in) :: ratio   !! its error ratio, above 1

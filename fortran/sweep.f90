@@ -10,11 +10,15 @@ module lapwing_sweep
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
   use lapwing_oscillator, only: oscillator_t, parameters_t, oscillator, start_at_rest, start_from
   use lapwing_recorder, only: recorder_t, start_recording
-  use lapwing_run, only: run_to, reached
+  use lapwing_run, only: run_to
   use lapwing_state_blob, only: pack_blob, unpack_blob, pack_work
   implicit none
   private
   public :: sweep_t, line_t, sweep_lines
+
+  ! Stages of the point under way, and of a line that is done. The last settling cycle has its own.
+  integer, parameter :: stage_start = 0, stage_settle = 1, stage_prepare = 2, stage_record = 3
+  integer, parameter :: stage_done = 4
 
   !> What every point of a sweep has in common, and where results go.
   type :: sweep_t
@@ -38,7 +42,7 @@ module lapwing_sweep
     integer :: last = 1           !! last point
     logical :: carried = .false.  !! whether a point begins where the one before ended
     integer :: point = 1          !! point under way
-    integer :: stage = 0          !! 0: to be started, 1: settling, 2: recording, 3: line done
+    integer :: stage = 0          !! stage_*
   end type line_t
 
 contains
@@ -54,7 +58,7 @@ contains
     !$omp parallel do schedule(dynamic, 1) num_threads(n_threads) default(none) &
     !$omp shared(sweep, lines, blobs, deadline) private(i)
     do i = 1, size(lines)
-      if (lines(i)%stage < 3) call go_on(sweep, lines(i), blobs(:, i), deadline)
+      if (lines(i)%stage < stage_done) call go_on(sweep, lines(i), blobs(:, i), deadline)
     end do
     !$omp end parallel do
   end subroutine sweep_lines
@@ -69,23 +73,24 @@ contains
     type(hybrid_state_t) :: state
     type(recorder_t) :: recorder
     type(work_t) :: work
+    real(wp) :: final(3, 1)
     integer :: status
-    do while (line%stage < 3)
+    do while (line%stage < stage_done)
       system = oscillator(sweep%point(line%point), sweep%knots, sweep%coefficients, sweep%kinks)
       recorder = sweep%recorder
-      if (line%stage == 0) then
+      if (line%stage == stage_start) then
         call start_point(sweep, system, line, blob, state)
         work = work_t()
-        line%stage = 1
+        line%stage = stage_settle
       else
         call unpack_blob(blob, state, recorder%sums, work)
       end if
-      call run_point(sweep, system, line, deadline, state, recorder, work, status)
+      call run_point(sweep, system, line, deadline, state, recorder, work, status, final)
       if (status == status_unfinished) then
         call pack_blob(state, recorder%sums, work, blob)
         return
       end if
-      call finish_point(sweep, system, line, state, recorder, work, status, blob)
+      call finish_point(sweep, line, final(:, 1), recorder, work, status, blob)
     end do
   end subroutine go_on
 
@@ -105,7 +110,7 @@ contains
 
   !> Settle, then record. A flight under way when recording begins counts whole: the statistics
   !> run through the last settling cycle too, and its line is dropped.
-  subroutine run_point(sweep, system, line, deadline, state, recorder, work, status)
+  subroutine run_point(sweep, system, line, deadline, state, recorder, work, status, final)
     type(sweep_t), intent(in) :: sweep               !! the sweep
     type(oscillator_t), intent(in) :: system         !! the point's oscillator
     type(line_t), intent(inout) :: line              !! the line
@@ -114,27 +119,36 @@ contains
     type(recorder_t), intent(inout) :: recorder      !! recorder, its sums under way
     type(work_t), intent(inout) :: work              !! counts
     integer, intent(out) :: status                   !! status_*
+    real(wp), intent(out), target :: final(3, 1)     !! motion state, phi, phi' at the end
     type(recorder_t) :: silent
     real(wp) :: target_t
+    real(wp), target :: final_time(2, 1)
     status = status_ok
+    final = 0
     target_t = sweep%phase*system%period
-    if (line%stage == 1) then
+    if (line%stage == stage_settle) then
       call run_to(system, sweep%numerics, max(sweep%settle - 1, 0), target_t, deadline, state, &
           silent, work, status)
       if (status /= status_ok) return
-      line%stage = 2
+      line%stage = stage_prepare
     end if
     call point_at_output(sweep, line, recorder)
-    if (.not. reached(state%instant, sweep%settle, target_t)) then
+    if (line%stage == stage_prepare) then
       recorder%want_impacts = .false.
       call run_to(system, sweep%numerics, sweep%settle, target_t, deadline, state, recorder, &
           work, status)
       if (status /= status_ok) return
-      call start_recording(recorder)
+      if (sweep%settle > 0) call start_recording(recorder)
       recorder%want_impacts = sweep%recorder%want_impacts
+      line%stage = stage_record
     end if
+    final_time(:, 1) = [real(sweep%settle + sweep%record, wp), target_t]
+    recorder%sample_time => final_time
+    recorder%samples => final
+    recorder%sums%next_sample = 1
     call run_to(system, sweep%numerics, sweep%settle + sweep%record, target_t, deadline, state, &
         recorder, work, status)
+    nullify (recorder%sample_time, recorder%samples)
   end subroutine run_point
 
   !> Let a recorder write where the point's results go.
@@ -147,24 +161,21 @@ contains
   end subroutine point_at_output
 
   !> Write a point's outcome, and make the next one ready.
-  subroutine finish_point(sweep, system, line, state, recorder, work, status, blob)
+  subroutine finish_point(sweep, line, final, recorder, work, status, blob)
     type(sweep_t), intent(in) :: sweep               !! the sweep
-    type(oscillator_t), intent(in) :: system         !! the point's oscillator
     type(line_t), intent(inout) :: line              !! the line
-    type(hybrid_state_t), intent(in) :: state        !! state at the end
+    real(wp), intent(in) :: final(3)                 !! motion state, phi, phi' at the end
     type(recorder_t), intent(in) :: recorder         !! recorder
     type(work_t), intent(in) :: work                 !! counts
     integer, intent(in) :: status                    !! status_*
     real(wp), intent(inout) :: blob(:)               !! carried to the next point
-    real(wp) :: phi, phi_dot
-    call system%observe(state%instant, phi, phi_dot)
-    sweep%outcome(:, line%point) = [real(status, wp), real(recorder%sums%n_log, wp), &
-        real(state%instant%motion_state, wp), phi, phi_dot, pack_work(work)]
-    blob(1:3) = [real(state%instant%motion_state, wp), phi, phi_dot]
+    sweep%outcome(:, line%point) = [real(status, wp), real(recorder%sums%n_log, wp), final, &
+        pack_work(work)]
+    blob(1:3) = final
     if (status /= status_ok) blob(1) = -1
-    line%stage = 0
+    line%stage = stage_start
     if (line%point == line%last) then
-      line%stage = 3
+      line%stage = stage_done
     else
       line%point = line%point + sign(1, line%last - line%first)
     end if

@@ -10,12 +10,15 @@ module lapwing_system
   use lapwing_polynomial, only: max_degree
   implicit none
   private
-  public :: max_states, dense_degree, max_pressing_degree
-  public :: instant_t, frame_t, motion_t, system_t
+  public :: max_states, dense_degree
+  public :: instant_t, frame_t, motion_t, step_t, system_t, richardson, mean_rate, &
+      stages_by_dispatch
 
   integer, parameter :: max_states = 8            !! largest number of state variables
-  integer, parameter :: dense_degree = 4          !! degree of the dense output
-  integer, parameter :: max_pressing_degree = 3   !! degree of the pressing force over a piece
+  integer, parameter :: dense_degree = 5          !! degree of the dense output
+
+  !> 2**4 - 1: two half steps of a fourth-order formula against the whole one.
+  real(wp), parameter :: richardson = 15
 
   !> Where the system is.
   type :: instant_t
@@ -41,6 +44,16 @@ module lapwing_system
     real(wp) :: flank(0:max_degree, 2) = 0       !! flank positions about s = piece_begin
   end type frame_t
 
+  !> What the stages of a step give.
+  type :: step_t
+    real(wp) :: middle(max_states) = 0        !! local coordinates at s = h/2
+    real(wp) :: end(max_states) = 0           !! and at s = h
+    real(wp) :: correction(max_states) = 0    !! extrapolation at s = h: the error without it
+    real(wp) :: rate_begin(max_states) = 0    !! derivatives at s = 0
+    real(wp) :: rate_middle(max_states) = 0   !! at s = h/2
+    real(wp) :: rate_end(max_states) = 0      !! at s = h, where dense output is wanted
+  end type step_t
+
   !> One accepted step as a polynomial: z(s) = sum_k dense(k,:) (s/h)**k.
   type :: motion_t
     real(wp) :: h = 0                                       !! step
@@ -52,7 +65,8 @@ module lapwing_system
     integer :: n_flanks = 2        !! 2, or 1 where there is no coast flank
     real(wp) :: period = 1         !! length of a cycle in tau
     logical :: compliant = .false. !! contact without impact law
-    logical :: rigid = .false.     !! an engaged tooth follows its flank
+    logical :: rigid = .false.     !! an engaged tooth follows its flank; nothing else may move
+                                   !! then (n_states = 2)
     real(wp) :: restitution = 1    !! used to sum a chatter; the law itself is `rebound`
   contains
     procedure(open_frame_i), deferred :: open_frame
@@ -132,13 +146,16 @@ module lapwing_system
       real(wp), intent(out) :: y(max_states)       !! state variables
     end subroutine commit_i
 
-    !> Acceleration with which a tooth at rest on a flank is pressed onto it, about piece_begin.
-    pure subroutine pressing_i(self, frame, flank, c)
-      import :: system_t, frame_t, max_degree, wp
+    !> Acceleration with which a tooth at rest on a flank is pressed onto it, at s within the
+    !> frame's piece and after.
+    pure subroutine pressing_i(self, frame, flank, s, z, c)
+      import :: system_t, frame_t, max_degree, max_states, wp
       class(system_t), intent(in) :: self
       type(frame_t), intent(in) :: frame           !! frame
       integer, intent(in) :: flank                 !! flank
-      real(wp), intent(out) :: c(0:max_degree)     !! coefficients in s - piece_begin
+      real(wp), intent(in) :: s                    !! time since the frame was opened
+      real(wp), intent(in) :: z(max_states)        !! local coordinates at s
+      real(wp), intent(out) :: c(0:max_degree)     !! Taylor coefficients about s
     end subroutine pressing_i
 
     !> Impact law: approach velocity after an impact (negative: the tooth rebounds).
@@ -196,21 +213,30 @@ module lapwing_system
 
 contains
 
-  !> The stages of one Runge-Kutta step, each derivative through the system's own procedure.
+  !> Weighted mean of the four classical rates, about the first: where the rate is constant it is
+  !> exact, and no rounding of weights adds up over many steps.
+  pure elemental real(wp) function mean_rate(k1, k2, k3, k4)
+    real(wp), intent(in) :: k1, k2, k3, k4   !! rates at begin, twice in the middle, at the end
+    mean_rate = k1 + ((k2 - k1) + (k3 - k1) + 0.5_wp*(k4 - k1))/3
+  end function mean_rate
+
+  !> The stages of one step, each derivative through the system's own procedure.
   !> A system may override this with the same text around derivatives the compiler can inline.
-  subroutine stages_by_dispatch(self, frame, motion_state, h, z, k)
-    use lapwing_rk4_tableau, only: n_stages, a21, a31, a32, a41, a42, a43, a51, a52, a53, a54, &
-        b1, b3, b4, b5, c2, c3, c4, c5
+  subroutine stages_by_dispatch(self, frame, motion_state, h, z, dense, step)
     class(system_t), intent(in) :: self
-    type(frame_t), intent(in) :: frame                  !! frame as opened
-    integer, intent(in) :: motion_state                 !! motion state
-    real(wp), intent(in) :: h                           !! step
-    real(wp), intent(in) :: z(max_states)               !! local coordinates at s = 0
-    real(wp), intent(out) :: k(max_states, n_stages)    !! stage derivatives; the last is at s = h
-    integer :: n
-    n = self%n_states
-    include 'rk4_stages.inc'
+    type(frame_t), intent(in) :: frame             !! frame as opened
+    integer, intent(in) :: motion_state            !! motion state
+    real(wp), intent(in) :: h                      !! step
+    real(wp), intent(in) :: z(max_states)          !! local coordinates at s = 0
+    logical, intent(in) :: dense                   !! whether the rate at the end is wanted
+    type(step_t), intent(inout) :: step            !! the result
+    call take_stages(self%n_states)
   contains
+    subroutine take_stages(n)
+      integer, intent(in) :: n   !! state variables in use
+      include 'rk4_stages.inc'
+    end subroutine take_stages
+
     subroutine rate_of_change(s, at, rate)
       real(wp), intent(in) :: s          !! time since the frame was opened
       real(wp), intent(in) :: at(:)      !! local coordinates

@@ -17,6 +17,7 @@ from lapwing.codes import ContactLaw, Gap, ImpactLaw, Status
 CALL_SECONDS = 0.4
 LOG_ROOM = 1 << 16
 MAX_INT = 2**31 - 1
+LINE_DONE = 4  # sweep.f90, stage_done
 
 (BLOB_SIZE, WORK_SIZE, LOG_COLUMNS, CYCLE_COLUMNS, SAMPLE_COLUMNS, N_REALS, N_CHOICES) = (
     int(n) for n in api.sizes())
@@ -234,7 +235,7 @@ def sweep(oscillators, lines, *, numerics, wanted, phase, settle, record, log_ro
     outcome = np.full((5 + WORK_SIZE, n), np.nan, order="F")
     outcome[0] = Status.UNFINISHED
     choices = _choices(oscillators[0], numerics, wanted, settle, record)
-    while np.any(table[4] < 3):
+    while np.any(table[4] < LINE_DONE):
         api.sweep(*_table_arguments(oscillators), reals, choices, phase, table, CALL_SECONDS,
                   threads, blobs, cycles, log, outcome)
         if progress is not None:

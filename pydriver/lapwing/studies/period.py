@@ -9,27 +9,25 @@ NO_PERIOD = 0
 
 # Strobed states repeat when they agree to this part of the motion's size.
 REPEAT_TOLERANCE = 1e-8
-# Differences this small are rounding; they need not stop falling.
+# Differences this small are rounding and need not fall any further.
 ROUNDING_FLOOR = 1e-11
-# Differences whose later half is this much smaller than the earlier half are still falling.
-FALLING = 0.5
 
 
 def find_period(phi, phi_dot, labels, scale, max_period=MAX_PERIOD):
     """Smallest number of cycles after which a motion repeats.
 
     1. For p = 1, 2, … take the differences of states p cycles apart over the last max(2p, 8)
-       such pairs.
-    2. A slow transient is no period: where the differences of p, or of a divisor of p, are still
-       falling, nothing is decided.
-    3. The motion has period p when all these differences are within REPEAT_TOLERANCE·scale and
-       the labels of the cycles agree.
+       such pairs. All must be within REPEAT_TOLERANCE·scale, and the labels must agree.
+    2. A slow transient is no period. Differences above rounding are taken as a geometric series
+       whose ratio the whole record shows; what it still sums to must be within the tolerance too.
+       (A decaying flip with multiplier -0.9999 repeats to 1e-8 after two cycles while it is 1e-5
+       away from its period 1.)
 
     Parameters
     ----------
     phi, phi_dot : array (n,), strobed states of consecutive cycles, rad and rad per τ
     labels : array (n, m), what must match besides: motion state, numbers of events by kind
-    scale : float, rad; max(|F|, deepest separation)
+    scale : float, rad, > 0; max(|F|, deepest separation)
     max_period : int
 
     Returns
@@ -39,19 +37,25 @@ def find_period(phi, phi_dot, labels, scale, max_period=MAX_PERIOD):
     states = np.column_stack([phi, phi_dot])
     if not np.all(np.isfinite(states)):
         return NO_PERIOD
-    falling = set()
     for p in range(1, max_period + 1):
         pairs = max(2 * p, 8)
         if len(states) < pairs + p:
             break
-        difference = np.max(np.abs(states[p:] - states[:-p])[-pairs:], axis=1)
-        early, late = np.max(difference[:pairs // 2]), np.max(difference[pairs // 2:])
-        if ROUNDING_FLOOR * scale < late < FALLING * early:
-            falling.add(p)
-            continue
-        if any(p % q == 0 for q in falling):
-            continue
-        if max(early, late) <= REPEAT_TOLERANCE * scale \
+        difference = np.max(np.abs(states[p:] - states[:-p]), axis=1) / scale
+        if _remaining(difference, pairs, p) <= REPEAT_TOLERANCE \
                 and np.array_equal(labels[p:][-pairs:], labels[:-p][-pairs:]):
             return p
     return NO_PERIOD
+
+
+def _remaining(difference, pairs, p):
+    """How far a motion still is from repeating after p cycles, from its differences."""
+    last = np.max(difference[-pairs:])
+    if last <= ROUNDING_FLOOR:
+        return last
+    half = len(difference) // 2
+    early, late = np.max(difference[:half]), np.max(difference[half:])
+    if late >= early:
+        return np.inf
+    ratio = (late / early) ** (p / half)
+    return last / (1 - ratio)

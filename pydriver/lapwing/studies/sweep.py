@@ -164,7 +164,7 @@ def _periods(tables, oscillators):
         table = tables[i, j]
         if not np.all(np.isfinite(table)):
             continue
-        scale = max(abs(oscillators[j].force), table[:, deepest].max())
+        scale = max(abs(oscillators[j].force), table[:, deepest].max()) or oscillators[j].backlash
         periods[i, j] = find_period(table[:, phi], table[:, phi_dot], table[:, labels], scale)
     return periods
 

@@ -32,13 +32,11 @@ class HybridState:
     phi_dot: float
     phase: float
     tau: float
-    # The engine's state may lie up to one step past the point reported above; events between the
-    # two have been logged already and wait here.
+    # The engine's state may lie up to one step before the point reported above.
     _oscillator: object = field(repr=False, default=None, compare=False)
     _origin: tuple = field(repr=False, default=())
     _cycles: float = field(repr=False, default=0.0)
     _blob: np.ndarray | None = field(repr=False, default=None, compare=False)
-    _pending: np.ndarray | None = field(repr=False, default=None, compare=False)
 
 
 @dataclass
@@ -100,9 +98,9 @@ def simulate(osc, start="rest", phase=0.0, cycles=50, method="rk4", rtol=1e-10, 
     Parameters
     ----------
     osc : Oscillator
-    start : 'rest', (motion_state, phi, phi_dot), or the `final` of another run, which is then
-        continued bit for bit
-    phase : float, mesh phase at the start, 0 <= phase < 1 (ignored when continuing)
+    start : 'rest', (motion_state, phi, phi_dot), or the `final` of another run: a run of the same
+        oscillator is continued bit for bit, under another one a new run begins in that state
+    phase : float, mesh phase at the start, 0 <= phase < 1 (not used with a `final`, which has one)
     cycles : float, mesh cycles to run, > 0
     method : 'rk4'
     rtol : float, local error per step over the natural size of angles and velocities
@@ -123,23 +121,26 @@ def simulate(osc, start="rest", phase=0.0, cycles=50, method="rk4", rtol=1e-10, 
     numerics = Numerics(rtol=rtol, chatter_tol=chatter_tol, count_depth=count_depth,
                         max_events_per_cycle=max_events_per_cycle,
                         max_steps_per_cycle=max_steps_per_cycle)
+    if isinstance(start, HybridState) and start._blob is not None \
+            and not _same(osc, start._oscillator):
+        start, phase = (start.motion_state, start.phi, start.phi_dot), start.phase
     _check_arguments(osc, start, phase, cycles, method, record)
     if graze_distance is None:
         graze_distance = 1e-3 * osc.angle_scale
     wanted = Wanted(events="events" in record, cycles="cycles" in record,
                     grazes="grazes" in record, graze_distance=graze_distance)
     if isinstance(start, HybridState):
-        origin, before, pending = start._origin, start._cycles, start._pending
+        origin, before = start._origin, start._cycles
         cycle, _ = position(origin[1], before, osc.period)
         call = TrajectoryCall(osc, (engine.GO_ON, 0, 0, 0), start._blob, cycle,
                               numerics=numerics, wanted=wanted)
     else:
-        origin, before, pending = (engine_start(osc, start), phase), 0.0, None
+        origin, before = (engine_start(osc, start), phase), 0.0
         call = TrajectoryCall(osc, (*origin[0], phase), numerics=numerics, wanted=wanted)
     target = position(origin[1], before + cycles, osc.period)
     # A target inside a stretch is reported by a sample; one at a cycle's end is reached exactly.
     call.run(target, [target] if target[1] > 0 else [])
-    return _result(osc, call, origin, before + cycles, target, pending, numerics, method)
+    return _result(osc, call, origin, before + cycles, target, numerics, method)
 
 
 def engine_start(osc, start):
@@ -157,8 +158,13 @@ def engine_start(osc, start):
             raise ValueError("start = 'rest' with a negative force needs a coast flank to rest on")
         return engine.REST, 0.0, 0.0
     motion_state, phi, phi_dot = start
-    state = (MotionState[motion_state.upper()] if isinstance(motion_state, str)
-             else MotionState(motion_state))
+    if isinstance(motion_state, str):
+        known = {state.name.lower(): state for state in MotionState}
+        motion_state = known.get(motion_state.lower(), motion_state)
+    if isinstance(motion_state, str):
+        raise ValueError(f"start: {motion_state!r} is no motion state, one of {', '.join(known)} "
+                         "is meant")
+    state = MotionState(motion_state)
     if not (np.isfinite(phi) and np.isfinite(phi_dot)):
         raise ValueError("start: phi and phi_dot must be finite")
     return float(state), float(phi), float(phi_dot)
@@ -197,10 +203,6 @@ def _check_arguments(osc, start, phase, cycles, method, record):
     if isinstance(start, HybridState):
         if start._blob is None:
             raise ValueError("start: this state is no end of a run")
-        if not _same(osc, start._oscillator):
-            raise ValueError(
-                "start: this state belongs to another oscillator; to begin there, give "
-                "start=(state.motion_state, state.phi, state.phi_dot) and phase=state.phase")
         return
     if not 0 <= phase < 1:
         raise ValueError(f"phase = {phase!r}, 0 <= phase < 1 is meant")
@@ -217,22 +219,18 @@ def _same(one, other):
         for name in ("knots", "coefficients", "kinks"))
 
 
-def _result(osc, call, origin, cycles, target, pending, numerics, method):
-    """Cut the engine's result at the target; what lies beyond waits for the continuation."""
+def _result(osc, call, origin, cycles, target, numerics, method):
+    """What the engine recorded, and the state at the target."""
     phase0, period = origin[1], osc.period
-    log = call.log if pending is None else np.vstack([pending, call.log])
     at = (call.cycle, call.t, call.motion_state, call.phi, call.phi_dot)
-    pending = None
     if call.status == Status.OK and (call.cycle, call.t) != target:
-        beyond = (log[:, 1] > target[0]) | ((log[:, 1] == target[0]) & (log[:, 2] > target[1]))
-        log, pending = log[~beyond], log[beyond]
         state, phi, phi_dot = call.samples[0]
         at = (*target, int(state), phi, phi_dot)
     final = HybridState(
         motion_state=MotionState(at[2]), phi=float(at[3]), phi_dot=float(at[4]),
         phase=float(at[1] / period), tau=float(_tau(at[0], at[1], phase0, period)),
-        _oscillator=osc, _origin=origin, _cycles=cycles, _blob=call.blob, _pending=pending)
-    return Run(oscillator=osc, events=_event_dataset(log, phase0, period),
+        _oscillator=osc, _origin=origin, _cycles=cycles, _blob=call.blob)
+    return Run(oscillator=osc, events=_event_dataset(call.log, phase0, period),
                cycles=_cycle_dataset(call.cycles), final=final, status=call.status,
                work=call.work, method=method, _numerics=numerics)
 

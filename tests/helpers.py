@@ -1,0 +1,53 @@
+"""What several test files share: gears, scenes, and short ways to read a run."""
+
+from pathlib import Path
+
+import numpy as np
+from lapwing import EventKind, GearPair, Oscillator, TransmissionError
+
+ROOT = Path(__file__).parents[1]
+EPS = float(np.finfo(float).eps)
+PAIR = GearPair(25, 32, 0.0078, 0.026, 0.034, 3.12e8, 0.002, 0.8, damping_ratio=0.1)
+SHIPPED = TransmissionError.from_file(ROOT / "inputs" / "te_25x32.csv")
+FLAT = TransmissionError.from_hermite([0.0], [0.0], [0.0])
+
+
+def scene_a(torque, impact_law="absolute", **options):
+    """The published gear, reconstructed (docs/model.md, section 8)."""
+    return PAIR.oscillator(SHIPPED, brake_torque=torque, pinion_speed_rpm=240,
+                           impact_law=impact_law, **options)
+
+
+def scene_c(torque, **options):
+    """A smooth transmission error of three harmonics at 1500 rpm."""
+    te = TransmissionError.harmonic([17e-6, 4.5e-6, 1.5e-6], [0.0, 1.0, 2.0], [1, 2, 3])
+    return PAIR.oscillator(te, brake_torque=torque, pinion_speed_rpm=1500, **options)
+
+
+def scene_d(torque, **options):
+    """The parabola with one kink at 480 rpm."""
+    return PAIR.oscillator(TransmissionError.parabola(125e-6), brake_torque=torque,
+                           pinion_speed_rpm=480, **options)
+
+
+def oscillator(te=FLAT, *, force=1.0, period=1000.0, restitution=0.8, backlash=1e3, **options):
+    """A dimensionless oscillator; unless told otherwise on a flat table in a wide gap."""
+    return Oscillator(te, force=force, mesh_frequency_ratio=2 * np.pi / period,
+                      restitution=restitution, backlash=backlash, **options)
+
+
+def kinds(run):
+    """Event kinds of a run in order."""
+    return [EventKind(k) for k in run.events["kind"].values]
+
+
+def events(run, *wanted):
+    """Events of the wanted kinds, as a dict of arrays."""
+    rows = np.isin(run.events["kind"].values, [int(k) for k in wanted])
+    return {name: run.events[name].values[rows] for name in run.events}
+
+
+def dataset_bytes(dataset):
+    """Every number of a dataset, bit for bit."""
+    return {name: (array.dtype.str, array.values.tobytes())
+            for name, array in dataset.variables.items()}

@@ -1,0 +1,129 @@
+"""Where contact is lost: rigid law (F against g'') and engaged response (verification.md, 3, 4)."""
+
+import math
+
+import numpy as np
+import pytest
+from helpers import EPS, PAIR, events, kinds, oscillator, scene_a, scene_d
+from lapwing import (
+    EventKind,
+    MotionState,
+    Status,
+    TransmissionError,
+    critical_torque,
+    engaged_response,
+    simulate,
+)
+
+ENGAGED_BIT = 1 << MotionState.ENGAGEMENT
+
+
+@pytest.mark.parametrize(("change", "leaves"), [(1e-6, True), (-1e-6, False), (0.2, True)])
+def test_rigid_harmonic_lets_go_above_gamma_one(change, leaves):
+    # g'' of the table is good to 1e-8 of its largest value, far inside the change of 1e-6.
+    gamma = 1 + change
+    osc = oscillator(TransmissionError.harmonic([1.0]), force=1 / gamma, period=2 * math.pi,
+                     contact_law="rigid")
+    run = simulate(osc, "rest", cycles=20)
+    assert (EventKind.RELEASE in kinds(run)) == leaves
+    if leaves:
+        # Left where F = g'' = -cos u first: u = π - arccos(1/Γ), up to 1e-8/sin u.
+        angle = math.pi - math.acos(1 / gamma)
+        assert run.events["phase"].values[0] * 2 * math.pi == pytest.approx(
+            angle, rel=0, abs=2e-8 / math.sin(angle))
+    else:
+        assert kinds(run) == []
+        assert run.final.motion_state == MotionState.ENGAGEMENT
+        assert run.final.phi == run.final.phi_dot == 0
+
+
+def test_rigid_torque_of_first_loss_of_the_25x32_pair():
+    """T_on = i12·A·Ω²/(F/T_l) = 0.342724737180862 at A = 10 µrad and 80 rad/s."""
+    for change, leaves in ((-1e-6, True), (1e-6, False)):
+        osc = PAIR.oscillator(TransmissionError.harmonic([1e-5]), pinion_speed_rad_s=80,
+                              brake_torque=0.342724737180862 * (1 + change), contact_law="rigid")
+        assert (EventKind.RELEASE in kinds(simulate(osc, "rest", cycles=3))) == leaves
+
+
+@pytest.mark.parametrize("force", [0.5, 10.0, 1e4])
+def test_cusp_down_throws_a_rigid_tooth_off_at_any_force(force):
+    te = TransmissionError.parabola(1.0)
+    osc = oscillator(te, force=force, period=5.0, contact_law="rigid", restitution=0.3)
+    run = simulate(osc, "rest", phase=0.5, cycles=0.6)
+    assert kinds(run)[:2] == [EventKind.KINK, EventKind.RELEASE]
+    # It leaves with the slope jump Δg' = 8A/P.
+    assert run.events["velocity_after"].values[1] == pytest.approx(-8 / 5, rel=4 * EPS)
+    assert run.events["tau"].values[:2] == pytest.approx(2.5, rel=4 * EPS)
+
+
+def test_cusp_up_strikes_a_rigid_tooth():
+    te = TransmissionError.parabola(-1.0)
+    osc = oscillator(te, force=10.0, period=5.0, contact_law="rigid", restitution=0.3)
+    run = simulate(osc, "rest", phase=0.5, cycles=0.6)
+    assert kinds(run)[:3] == [EventKind.KINK, EventKind.IMPACT, EventKind.RELEASE]
+    assert np.all(run.events["tau"].values[:3] == run.events["tau"].values[0])
+    impact = events(run, EventKind.IMPACT)
+    assert impact["velocity_before"][0] == pytest.approx(8 / 5, rel=4 * EPS)
+    assert impact["velocity_after"][0] == pytest.approx(-0.3 * 8 / 5, rel=4 * EPS)
+
+
+def test_sticking_and_bouncing_coexist_below_gamma_one():
+    """Γ_SN < Γ < 1 with ε above (π-1)/(π+1): both motions, by the start alone."""
+    restitution, gamma = 0.7, 0.8
+    osc = oscillator(TransmissionError.harmonic([1.0]), force=1 / gamma, period=2 * math.pi,
+                     restitution=restitution, contact_law="rigid")
+    assert kinds(simulate(osc, "rest", cycles=50)) == []
+    angle = math.pi - math.asin(math.pi * 0.3 / 1.7 / gamma)
+    speed = 2 * math.pi / gamma / 1.7
+    run = simulate(osc, ("separation", 0.0, -restitution * speed), phase=angle / 2 / math.pi,
+                   cycles=300)
+    assert set(kinds(run)) == {EventKind.IMPACT} and len(kinds(run)) in (299, 300)
+
+
+# --- engaged response -------------------------------------------------------------------------
+
+SCENES = {"a_absolute": scene_a, "d": scene_d,
+          "a_relative": lambda torque: scene_a(torque, "relative"),
+          "a_compliant": lambda torque: scene_a(torque, "relative", contact_law="compliant")}
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_engaged_above_the_critical_torque_and_not_below(scene):
+    build = SCENES[scene]
+    torque, phase = critical_torque(build(1.0))
+    above = simulate(build(torque * (1 + 1e-4)), "rest", cycles=40)
+    late = above.cycles.isel(cycle=slice(20, None))
+    # From rest the free part dies out as e^{-ξτ}: 20 cycles of at least 41 leave e^{-80}.
+    if above.cycles["releases"].values[20:].any():
+        # Rattling coexists there (scene A from rest, model.md): begin near the engaged orbit.
+        response = pytest.importorskip("lapwing.linear_response")
+        engaged = response.engaged_response(build(torque * (1 + 1e-4)))
+        osc = build(torque * (1 + 1e-4))
+        start = ("engagement", float(engaged.penetration(0.5)),
+                 float(engaged.penetration(0.5, 1)) / osc.period)
+        above = simulate(osc, start, phase=0.5, cycles=40)
+        late = above.cycles
+    assert above.status == Status.OK
+    assert not late["releases"].any() and not late["impacts"].any()
+    assert set(late["states_visited"].values) == {ENGAGED_BIT}
+    assert not late["deepest_separation"].any()
+
+    end = above.final
+    below = simulate(build(torque * (1 - 1e-3)), (end.motion_state, end.phi, end.phi_dot),
+                     phase=end.phase, cycles=30)
+    releases = events(below, EventKind.RELEASE)
+    assert releases["tau"].size >= 1
+    # The first loss is where the engaged motion dips below zero: around the critical phase, as
+    # wide as a dip of 1e-3 F under curvature of the order of F: √(2e-3) of 1/ω'.
+    width = 2 * math.sqrt(2e-3) / below.oscillator.period
+    assert abs(releases["phase"][0] - phase) <= 5 * width
+
+
+def test_the_published_smallest_torque():
+    torque, phase = critical_torque(scene_a(1.0))
+    assert torque == pytest.approx(11.91674543671654, rel=1e-12)
+    assert phase == pytest.approx(0.951456732, abs=1e-9)
+    # 12 N·m from rest: no separation at all.
+    run = simulate(scene_a(12.0), "rest", cycles=40)
+    assert not run.cycles["releases"].any()
+    assert set(run.cycles["states_visited"].values) == {ENGAGED_BIT}

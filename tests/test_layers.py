@@ -1,0 +1,279 @@
+"""The layers: imports go downwards only, in Fortran and in Python; the engine's own rules."""
+
+import ast
+import re
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from helpers import ROOT
+
+# --- Fortran ----------------------------------------------------------------------------------
+
+FORTRAN = ROOT / "fortran"
+SOURCES = sorted(FORTRAN.glob("*.f90"))
+BUILD = (FORTRAN / "meson.build").read_text(encoding="utf-8")
+# Lowest layer first; the API file, the only one f2py reads, is not part of the library.
+ORDER = [*re.findall(r"'(\w+\.f90)'", BUILD.split("engine_sources", 1)[1].split(")", 1)[0]),
+         "api.f90"]
+
+
+def statements(path):
+    """Fortran statements in lower case: no comments, no strings, continued lines joined."""
+    text = re.sub(r"'[^'\n]*'|\"[^\"\n]*\"", "''", path.read_text(encoding="utf-8"))
+    lines = [line.split("!")[0].strip().lower() for line in text.splitlines()]
+    joined = re.sub(r"&\s*&?", "", "\n".join(line for line in lines if line).replace("&\n", "&"))
+    return [part.strip() for line in joined.splitlines() for part in line.split(";")]
+
+
+def uses(path):
+    """(module, has only, is intrinsic) of every use statement."""
+    found = [re.match(r"use\b(\s*,\s*intrinsic)?\s*(?:::)?\s*(\w+)(.*)", line)
+             for line in statements(path)]
+    return [(m[2], re.match(r"\s*,\s*only\s*:\s*\w", m[3]) is not None, bool(m[1]))
+            for m in found if m]
+
+
+def module_name(path):
+    return "api" if path.stem == "api" else f"lapwing_{path.stem}"
+
+
+def test_the_build_lists_every_source_once():
+    assert sorted(ORDER) == [path.name for path in SOURCES]
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda p: p.name)
+def test_a_file_is_one_module_named_after_it(path):
+    modules = [line for line in statements(path) if re.match(r"module \w+$", line)]
+    assert modules == [f"module {module_name(path)}"]
+    assert not any(re.match(r"(program|submodule)\b", line) for line in statements(path))
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda p: p.name)
+def test_use_goes_downwards_and_names_what_it_takes(path):
+    for module, only, intrinsic in uses(path):
+        assert only, f"use {module} without only"
+        if intrinsic or module in ("iso_c_binding", "iso_fortran_env", "ieee_arithmetic",
+                                   "omp_lib"):
+            continue
+        assert module.startswith("lapwing_")
+        below = f"{module.removeprefix('lapwing_')}.f90"
+        assert ORDER.index(below) < ORDER.index(path.name), f"{path.name} uses {below}"
+
+
+def test_the_api_is_used_by_nobody_and_sees_the_marshal_only():
+    assert not any(module == "api" for path in SOURCES for module, _, _ in uses(path))
+    assert {m for m, _, i in uses(FORTRAN / "api.f90") if not i} == {"lapwing_marshal"}
+
+
+def test_layers_of_the_engine_come_in_the_order_meant():
+    """Some landmarks of the list, lowest first (house style)."""
+    landmarks = ["kinds.f90", "codes.f90", "polynomial.f90", "transmission_error.f90", "rk4.f90",
+                 "automaton.f90", "run.f90", "sweep.f90", "marshal.f90", "api.f90"]
+    assert all(ORDER.index(a) < ORDER.index(b) for a, b in pairwise(landmarks))
+    # The step formula, the step-size rule, event search and driver do not know the oscillator.
+    for name in ("rk4", "step_control", "event_search", "contact_rules", "chatter", "recorder",
+                 "automaton", "run"):
+        assert "lapwing_oscillator" not in {m for m, _, _ in uses(FORTRAN / f"{name}.f90")}
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda p: p.name)
+def test_every_module_is_private_and_typed(path):
+    head = _module_head(path)
+    assert "implicit none" in head or "implicit none (type, external)" in head
+    assert "private" in head
+    assert any(re.match(r"public\s*::", line) for line in head)
+    assert "public" not in head
+
+
+def _module_head(path):
+    """Statements of the specification part of the module."""
+    lines = statements(path)
+    end = lines.index("contains") if "contains" in lines else len(lines)
+    # The first `contains` may be one of a derived type.
+    depth, head = 0, []
+    for i, line in enumerate(lines):
+        depth += bool(re.match(r"type\b(?!\s*\()", line)) - bool(re.match(r"end type", line))
+        if line == "contains" and depth == 0:
+            end = i
+            break
+        head.append(line)
+    return head[:max(end, 0)]
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda p: p.name)
+def test_no_module_variables_but_parameters(path):
+    depth = 0
+    for line in _module_head(path):
+        depth += bool(re.match(r"(abstract )?interface\b", line)) - bool(
+            re.match(r"end interface", line))
+        is_type = bool(re.match(r"type\b(?!\s*\()", line))
+        depth += is_type - bool(re.match(r"end type", line))
+        if depth or is_type or not re.match(
+                r"(integer|real|logical|complex|character|type\s*\(|class\s*\()", line):
+            continue
+        assert "parameter" in line.split("::")[0], f"module variable: {line}"
+
+
+# Each pattern is looked for at the beginning of a statement, after `if (...)` as well.
+FORBIDDEN = {
+    "input or output": r"(print\b|write\s*\(|read\s*\(|open\s*\(|close\s*\(|inquire\s*\()",
+    "stop": r"(error\s+)?stop\b", "save": r"save\b", "common": r"common\b", "go to": r"go\s*to\b",
+    "pause": r"(pause|entry|equivalence)\b"}
+
+
+@pytest.mark.parametrize("what", FORBIDDEN)
+@pytest.mark.parametrize("path", SOURCES, ids=lambda p: p.name)
+def test_the_engine_neither_talks_nor_stops(path, what):
+    for line in statements(path):
+        assert not re.match(rf"(if\s*\(.*\)\s*)?{FORBIDDEN[what]}", line), line
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda p: p.name)
+def test_no_local_is_saved(path):
+    """An initialised local variable of a procedure has the save attribute (trap 7)."""
+    head = len(_module_head(path))
+    for line in statements(path)[head:]:
+        declared = re.match(r"(integer|real|logical|type\s*\()[^:]*::(.*)", line)
+        if declared and "parameter" not in line.split("::")[0]:
+            outside = re.sub(r"\([^()]*\)", "", declared[2])
+            assert "=" not in outside, line
+        assert not re.search(r",\s*save\b", line.split("::")[0]), line
+
+
+def test_dummies_have_an_intent():
+    """Every argument of every procedure is declared with intent (or is a passed procedure)."""
+    for path in SOURCES:
+        lines = statements(path)
+        for i, line in enumerate(lines):
+            head = re.match(r"(?:[\w() ,=]*\s)?(?:subroutine|function)\s+\w+\s*\(([^)]*)\)", line)
+            if not head or line.startswith("end"):
+                continue
+            names = {name.strip() for name in head[1].split(",") if name.strip()}
+            with_intent, others = set(), set()
+            for later in lines[i + 1:]:
+                if re.match(r"end (subroutine|function)", later) or later == "contains":
+                    break
+                declared = re.match(r"(.*?)::(.*)", later)
+                if not declared:
+                    continue
+                found = set(re.findall(r"\w+", re.sub(r"\([^()]*\)", "", declared[2])))
+                target = re.search(r"intent\s*\(|procedure\s*\(", declared[1])
+                (with_intent if target else others).update(found)
+            assert names <= with_intent, f"{path.name}: {line}: {names - with_intent}"
+
+
+# --- Python -----------------------------------------------------------------------------------
+
+PACKAGE = ROOT / "pydriver" / "lapwing"
+MODULES = sorted(PACKAGE.rglob("*.py"))
+# Lowest first; modules of one row may not import each other unless a row says so.
+PYTHON_LAYERS = [
+    {"codes", "transmission_error_file", "threads"},
+    {"transmission_error"},
+    {"oscillator"},
+    {"gear_pair"},
+    {"linear_response"},
+    {"deck", "scene"},
+    {"engine"},
+    {"studies"},
+    {"results"},
+    {"plots"},
+    {"command_line", "__main__", "cli"},
+]
+
+
+def layer(name):
+    """Layer of a module of the package, by its first part; -1: the package itself."""
+    first = name.split(".")[0]
+    for rank, names in enumerate(PYTHON_LAYERS):
+        if first in names:
+            return rank
+    raise AssertionError(f"module {name!r} belongs to no layer yet: add it to PYTHON_LAYERS")
+
+
+def own_name(path):
+    parts = path.relative_to(PACKAGE).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imports(path):
+    """(module, at the top of the file) of every import, package parts spelled out."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    top = {id(node) for node in tree.body}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield alias.name, id(node) in top
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            if node.module == "lapwing":
+                for alias in node.names:
+                    yield f"lapwing.{alias.name}", id(node) in top
+            else:
+                yield node.module, id(node) in top
+
+
+@pytest.mark.parametrize("path", MODULES, ids=own_name)
+def test_imports_go_downwards(path):
+    name = own_name(path)
+    if not name:  # the package's own __init__ loads by name, on demand
+        assert [m for m, _ in imports(path)] == ["importlib"]
+        return
+    for module, _ in imports(path):
+        if not module.startswith("lapwing.") or module.startswith("lapwing._"):
+            continue
+        target = module.removeprefix("lapwing.")
+        same_package = target.split(".")[0] == name.split(".")[0] and "." in name
+        assert layer(target) < layer(name) or same_package, f"{name} imports {target}"
+
+
+def test_the_engine_has_one_importer():
+    importers = {own_name(path) for path in MODULES
+                 for module, _ in imports(path) if module.startswith("lapwing._engine")}
+    assert importers == {"engine"}
+
+
+def test_the_heavy_packages_are_imported_where_they_are_used():
+    """matplotlib only under plots; it, xarray and scipy never at the top of a module."""
+    for path in MODULES:
+        for module, at_top in imports(path):
+            package = module.split(".")[0]
+            if package == "matplotlib":
+                assert own_name(path).startswith("plots")
+            if package in ("matplotlib", "xarray", "scipy", "netCDF4", "pandas"):
+                assert not at_top, f"{own_name(path)} imports {module} at its top"
+
+
+def test_plots_know_neither_engine_nor_studies():
+    for path in (PACKAGE / "plots").rglob("*.py"):
+        for module, _ in imports(path):
+            assert not re.match(r"lapwing\.(engine|studies|_engine|simulate|sweep)", module)
+
+
+def test_studies_do_not_form_a_ring():
+    graph = {own_name(path): {m.removeprefix("lapwing.") for m, _ in imports(path)
+                              if m.startswith("lapwing.studies")} for path in MODULES}
+
+    def reach(name, seen):
+        for target in graph.get(name, ()):
+            assert target not in seen, f"ring through {target}"
+            reach(target, seen | {target})
+
+    for name in graph:
+        reach(name, {name})
+
+
+def test_the_checks_see_what_they_should(tmp_path):
+    """The readers above find what they look for in a file that breaks every rule."""
+    bad = Path(tmp_path) / "bad.f90"
+    bad.write_text("module lapwing_bad\n  use lapwing_run\n  use, intrinsic :: iso_c_binding, &\n"
+                   "    only: c_int\n  integer :: counter = 0\ncontains\n  subroutine s(a)\n"
+                   "    real :: a\n    if (a > 0) error stop 'no'\n  end subroutine\nend module\n")
+    assert uses(bad) == [("lapwing_run", False, False), ("iso_c_binding", True, True)]
+    with pytest.raises(AssertionError, match="module variable"):
+        test_no_module_variables_but_parameters(bad)
+    with pytest.raises(AssertionError):
+        test_the_engine_neither_talks_nor_stops(bad, "stop")
+    with pytest.raises(AssertionError):
+        test_every_module_is_private_and_typed(bad)
