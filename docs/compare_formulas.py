@@ -43,7 +43,7 @@ def fixed(formula, rate, y, steps, end):
 
 
 def doubled(rate, y, pairs, end, extrapolate):
-    """Two classical steps beside one of twice the length; 12 evaluations with the dense output's."""
+    """Two classical steps beside one of twice the length: 12 evaluations with dense output."""
     h = end / pairs
     for i in range(pairs):
         half = step(CLASSICAL, rate, i * h, y, h / 2)

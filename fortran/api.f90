@@ -11,7 +11,7 @@ contains
   !> Sizes of the arrays that Python allocates.
   subroutine sizes(n)
     use lapwing_marshal, only: all_sizes
-    integer(c_int), intent(out) :: n(7)   !! blob, work, log, cycle and sample columns, reals, choices
+    integer(c_int), intent(out) :: n(7)   !! blob, work; log, cycle, sample columns; reals, choices
     n = all_sizes
   end subroutine sizes
 

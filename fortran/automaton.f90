@@ -68,8 +68,9 @@ contains
     do flank = 1, system%n_flanks
       call system%contact(segment%frame, flank, 0.0_wp, z, distance, approach)
       if (flank == state%instant%touching) then
-        if (system%sums_chatter(flank) .and. .not. system%compliant) &
-            call sum_chatter(system, numerics, state, segment, z, flank, -approach, resolved)
+        if (system%sums_chatter(flank) .and. .not. system%compliant) then
+          call sum_chatter(system, numerics, state, segment, z, flank, -approach, resolved)
+        end if
         if (resolved) return
       else if (distance <= 0) then
         if (approach > 0 .or. (.not. approach < 0 &
@@ -308,14 +309,16 @@ contains
       state%steps_in_cycle = 0
     end if
     if (.not. is_kink) then
-      if (system%rigid .and. segment%motion_state /= separation) &
-          call system%launch(segment%motion_state, 0.0_wp, state%instant%y)
+      if (system%rigid .and. segment%motion_state /= separation) then
+        call system%launch(segment%motion_state, 0.0_wp, state%instant%y)
+      end if
       return
     end if
     call system%observe(state%instant, phi, phi_dot)
     call log_event(system, state, segment, event_kink, drive_flank, phi_dot - jump, phi_dot)
-    if (system%rigid .and. segment%motion_state /= separation) &
-        call strike_resting(system, state, segment)
+    if (system%rigid .and. segment%motion_state /= separation) then
+      call strike_resting(system, state, segment)
+    end if
   end subroutine pass_stop
 
   !> Named ends of everything that physics could make endless.
@@ -330,7 +333,8 @@ contains
     state%steps_in_cycle = state%steps_in_cycle + 1
     if (state%events_in_cycle > numerics%max_events_per_cycle) status = status_too_many_events
     if (state%steps_in_cycle > numerics%max_steps_per_cycle) status = status_too_many_steps
-    if (.not. abs(sum(state%instant%y(1:system%n_states))) <= huge(1.0_wp)) &
-        status = status_not_finite
+    if (.not. abs(sum(state%instant%y(1:system%n_states))) <= huge(1.0_wp)) then
+      status = status_not_finite
+    end if
   end subroutine check_bounds
 end module lapwing_automaton

@@ -16,7 +16,7 @@ contains
 
   !> Whether the chatter that follows an impact may be summed, and how long it lasts.
   !>
-  !> With pressing acceleration a + j s + k s**2 + ..., rebound speed v and r = 2|j|v/(3a**2(1-eps)):
+  !> With pressing acceleration a + j s + k s**2 + ..., rebound speed v, r = 2|j|v/(3a**2(1-eps)):
   !> T1 = 2v/(a(1-eps)) sums the bounces under constant a, the jerk corrects it to
   !> T = T1 - 4 j v**2/(3 a**3 (1-eps)**2), and what that neglects is about
   !> T1 (r**2 + |2k| v**2/(a**3 (1-eps)**2)). Only T1 decides whether a chatter is short: far

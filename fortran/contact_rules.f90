@@ -56,8 +56,9 @@ contains
       call begin_contact(system, state, segment, event_engage, flank, after)
     else if (after < 0) then
       call system%pressing(frame, flank, s, z, pressing)
-      if (below_resolution(pressing(0), -after, system%period)) &
-          call begin_contact(system, state, segment, event_chatter_end, flank, 0.0_wp)
+      if (below_resolution(pressing(0), -after, system%period)) then
+        call begin_contact(system, state, segment, event_chatter_end, flank, 0.0_wp)
+      end if
     else if (pressing_sign(system, frame, flank, s, z) > 0) then
       call begin_contact(system, state, segment, event_engage, flank, 0.0_wp)
     end if
@@ -80,8 +81,9 @@ contains
       after = system%rebound(frame, flank, 0.0_wp, before)
       call system%launch(flank, after, state%instant%y)
       call log_event(system, state, segment, event_impact, flank, before, after)
-      if (after < 0 .or. pressing_sign(system, frame, flank, 0.0_wp, z) < 0) &
-          call let_go(system, state, segment, flank, after)
+      if (after < 0 .or. pressing_sign(system, frame, flank, 0.0_wp, z) < 0) then
+        call let_go(system, state, segment, flank, after)
+      end if
     else if (before < 0) then
       call let_go(system, state, segment, flank, before)
     end if

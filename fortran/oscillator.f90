@@ -142,8 +142,9 @@ contains
       frame%t = instant%t
       frame%piece_end = table%knot(frame%piece + 1) - instant%t
       frame%stop_knot = table%next_kink(frame%piece)
-      if (instant%motion_state /= separation .and. .not. self%rigid) &
-          frame%stop_knot = table%next_felt(frame%piece)
+      if (instant%motion_state /= separation .and. .not. self%rigid) then
+        frame%stop_knot = table%next_felt(frame%piece)
+      end if
       frame%stop = table%knot(frame%stop_knot) - instant%t
       call expand_at(table, frame%piece, instant%t, g)
     end associate

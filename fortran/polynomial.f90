@@ -80,7 +80,7 @@ contains
   end subroutine lift_off
 
   !> First x in (0, length] where a polynomial that is positive at 0 is no longer positive.
-  !> Right to the rounding of its terms, sum |c_k| length**k: where several roots meet, that decides.
+  !> Right to the rounding of its terms, sum |c_k| length**k, which decides where roots meet.
   pure subroutine first_zero(c, length, found, x)
     real(wp), intent(in) :: c(0:max_degree)  !! coefficients, c(0) > 0
     real(wp), intent(in) :: length           !! interval

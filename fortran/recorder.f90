@@ -88,8 +88,9 @@ contains
     end if
     if (self%want_strobe .or. self%want_cycles) call strobe(self, system, segment, before)
     if (self%want_cycles) call measure(self, system, segment, work)
-    if (segment%cycle_completed .and. (self%want_strobe .or. self%want_cycles)) &
-        call close_cycle(self, segment)
+    if (segment%cycle_completed .and. (self%want_strobe .or. self%want_cycles)) then
+      call close_cycle(self, segment)
+    end if
     do i = 1, segment%n_events
       call log_line(self, segment%events(i))
       if (self%want_cycles) call count_event(self, segment%events(i))

@@ -65,8 +65,9 @@ contains
       call record_segment(recorder, system, segment, before%instant, work)
       if (status /= status_ok) return
     end do
-    if (associated(recorder%samples)) &
-        call sample_end(recorder, system, state%instant, work)
+    if (associated(recorder%samples)) then
+      call sample_end(recorder, system, state%instant, work)
+    end if
   end subroutine run_to
 
   !> A last sample exactly where the run ends belongs to no stretch.

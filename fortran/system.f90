@@ -89,6 +89,7 @@ module lapwing_system
     !> Open the local frame of a step at an instant; z(0) is in frame coordinates.
     pure subroutine open_frame_i(self, instant, frame, z)
       import :: system_t, instant_t, frame_t, max_states, wp
+      implicit none
       class(system_t), intent(in) :: self
       type(instant_t), intent(in) :: instant       !! where the step begins
       type(frame_t), intent(out) :: frame          !! its frame
@@ -98,6 +99,7 @@ module lapwing_system
     !> Re-expand the flanks on the table piece that follows.
     pure subroutine next_piece_i(self, frame)
       import :: system_t, frame_t
+      implicit none
       class(system_t), intent(in) :: self
       type(frame_t), intent(inout) :: frame        !! frame, moved one piece on
     end subroutine next_piece_i
@@ -105,6 +107,7 @@ module lapwing_system
     !> dz/ds in a motion state. `frame` is as opened.
     pure subroutine derivatives_i(self, frame, motion_state, s, z, rate)
       import :: system_t, frame_t, wp
+      implicit none
       class(system_t), intent(in) :: self
       type(frame_t), intent(in) :: frame           !! frame as opened
       integer, intent(in) :: motion_state          !! motion state
@@ -116,6 +119,7 @@ module lapwing_system
     !> Distance to a flank over the frame's piece, positive in separation, about piece_begin.
     pure subroutine gap_i(self, frame, flank, motion, c)
       import :: system_t, frame_t, motion_t, max_degree, wp
+      implicit none
       class(system_t), intent(in) :: self
       type(frame_t), intent(in) :: frame           !! frame
       integer, intent(in) :: flank                 !! drive_flank or coast_flank
@@ -126,6 +130,7 @@ module lapwing_system
     !> Distance and approach velocity to a flank at s within the frame's piece.
     pure subroutine contact_i(self, frame, flank, s, z, distance, approach)
       import :: system_t, frame_t, max_states, wp
+      implicit none
       class(system_t), intent(in) :: self
       type(frame_t), intent(in) :: frame           !! frame
       integer, intent(in) :: flank                 !! flank
@@ -138,6 +143,7 @@ module lapwing_system
     !> State variables in the chart of a flank at s within the frame's piece.
     pure subroutine commit_i(self, frame, s, z, chart, y)
       import :: system_t, frame_t, max_states, wp
+      implicit none
       class(system_t), intent(in) :: self
       type(frame_t), intent(in) :: frame           !! frame
       real(wp), intent(in) :: s                    !! time since the frame was opened
@@ -150,6 +156,7 @@ module lapwing_system
     !> frame's piece and after.
     pure subroutine pressing_i(self, frame, flank, s, z, c)
       import :: system_t, frame_t, max_degree, max_states, wp
+      implicit none
       class(system_t), intent(in) :: self
       type(frame_t), intent(in) :: frame           !! frame
       integer, intent(in) :: flank                 !! flank
@@ -161,6 +168,7 @@ module lapwing_system
     !> Impact law: approach velocity after an impact (negative: the tooth rebounds).
     pure real(wp) function rebound_i(self, frame, flank, s, approach)
       import :: system_t, frame_t, wp
+      implicit none
       class(system_t), intent(in) :: self
       type(frame_t), intent(in) :: frame           !! frame
       integer, intent(in) :: flank                 !! flank struck
@@ -171,6 +179,7 @@ module lapwing_system
     !> Whether rebounds from a flank shrink by `restitution` each, so that a chatter has a sum.
     pure logical function sums_chatter_i(self, flank)
       import :: system_t
+      implicit none
       class(system_t), intent(in) :: self
       integer, intent(in) :: flank                 !! flank
     end function sums_chatter_i
@@ -178,6 +187,7 @@ module lapwing_system
     !> Put a state that is at a flank exactly onto it, with the given approach velocity.
     pure subroutine launch_i(self, flank, approach, y)
       import :: system_t, max_states, wp
+      implicit none
       class(system_t), intent(in) :: self
       integer, intent(in) :: flank                 !! flank the chart refers to
       real(wp), intent(in) :: approach             !! approach velocity, negative: leaves
@@ -187,6 +197,7 @@ module lapwing_system
     !> Move an instant that has reached a knot past it; tells the velocity jump of a kink.
     pure subroutine pass_knot_i(self, knot, instant, is_kink, jump)
       import :: system_t, instant_t, wp
+      implicit none
       class(system_t), intent(in) :: self
       integer, intent(in) :: knot                  !! knot reached
       type(instant_t), intent(inout) :: instant    !! state before, then after
@@ -197,6 +208,7 @@ module lapwing_system
     !> Natural size of each state variable in a motion state: what relative tolerances refer to.
     pure subroutine scales_i(self, motion_state, scale)
       import :: system_t, max_states, wp
+      implicit none
       class(system_t), intent(in) :: self
       integer, intent(in) :: motion_state          !! motion state
       real(wp), intent(out) :: scale(max_states)   !! sizes
@@ -205,6 +217,7 @@ module lapwing_system
     !> What is reported: displacement from the drive flank and its rate.
     pure subroutine observe_i(self, instant, phi, phi_dot)
       import :: system_t, instant_t, wp
+      implicit none
       class(system_t), intent(in) :: self
       type(instant_t), intent(in) :: instant       !! where the system is
       real(wp), intent(out) :: phi, phi_dot        !! rad, rad per tau

@@ -11,10 +11,10 @@ module lapwing_transmission_error
     integer :: n = 0                               !! pieces
     real(wp), allocatable :: knot(:)               !! piece limits, (n + 1), units of tau
     real(wp), allocatable :: coefficient(:, :)     !! (0:5, n), rad per tau**k
-    logical, allocatable :: kink(:)                !! (n + 1) slope jump at knot(i), part of the data
-    real(wp), allocatable :: slope_jump(:)         !! (n + 1) g'(knot+) - g'(knot-); rounding off kinks
-    integer, allocatable :: next_kink(:)           !! (n) first kink or table end after piece i begins
-    integer, allocatable :: next_felt(:)           !! (n) the same with felt curvature jumps
+    logical, allocatable :: kink(:)                !! (n + 1) slope jump at knot(i) is data
+    real(wp), allocatable :: slope_jump(:)         !! (n + 1) g'(knot+) - g'(knot-)
+    integer, allocatable :: next_kink(:)           !! (n) first kink or end after knot(i)
+    integer, allocatable :: next_felt(:)           !! (n) or felt curvature jump
   end type te_table_t
 
 contains

@@ -42,7 +42,7 @@ def table_of_responses(te):
                               record=100, rtol=1e-9, **OPERATION).sel(start="rest")
     for torque in RESPONSES:
         point = responses.sel(brake_torque=torque)
-        impacts, depth, words = CLAIMS[torque]
+        _, depth, words = CLAIMS[torque]
         source = words if depth is None else f"{words}, depth {depth:g}"
         engaged_only = bool((point["states_visited"] == 1 << lapwing.MotionState.ENGAGEMENT).all())
         lines.append(

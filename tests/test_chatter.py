@@ -124,7 +124,7 @@ def _exact_accumulation(amplitude, period, force, restitution, phi, phase):
 
     theta, rate = phi + wall(0, t), wall(1, t)
     while True:
-        def distance(s):
+        def distance(s, t=t, theta=theta, rate=rate):
             return theta + rate * s + force * s * s / 2 - wall(0, t + s)
 
         relative, pressing = rate - wall(1, t), force - wall(2, t)
@@ -138,6 +138,29 @@ def _exact_accumulation(amplitude, period, force, restitution, phi, phase):
             a, j = force - wall(2, t), -wall(3, t)
             loss = 1 - restitution
             return t - start + 2 * v / (a * loss) - 4 * j * v**2 / (3 * a**3 * loss**2)
+
+
+def test_jerk_term_of_the_sum():
+    """A chatter right behind the place where F = g'': pressing 6e-6 + 6s, P = 1.
+
+    The sum takes over at a rest of 1e-7 P, of which the jerk makes 1 to 2 %: ten times and more
+    the tolerance of 1e-10 P.
+    """
+    force, pressing, jerk, restitution, v = 2.0, 6e-6, 6.0, 0.5, 1e-12
+    c2, c3 = (force - pressing) / 2, -jerk / 6
+    te = TransmissionError([0.0, 1.0], [[0.0, -c2 - c3, c2, c3, 0, 0]], [True])
+    osc = oscillator(te, force=force, period=1.0, restitution=restitution)
+    run = simulate(osc, ("separation", 0.0, -v), cycles=1e-5)
+    end = events(run, END)["tau"][0]
+    t = mp.mpf(0)
+    while v > 1e-25:
+        # Distance v s - (a + j t) s²/2 - j s³/6 returns to zero.
+        a = mp.mpf(force - 2 * c2) + jerk * t
+        s = (-a / 2 + mp.sqrt(a**2 / 4 + 4 * v * mp.mpf(jerk) / 6)) / (2 * mp.mpf(jerk) / 6)
+        t += s
+        v = restitution * -(v - a * s - jerk * s**2 / 2)
+    assert events(run, EventKind.IMPACT)["tau"].size >= 2
+    assert end == pytest.approx(float(t), rel=0, abs=1e-10)
 
 
 def test_the_end_of_chatter_does_not_depend_on_when_it_is_summed():

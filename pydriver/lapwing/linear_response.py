@@ -23,8 +23,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from lapwing.transmission_error import stationary_points
 from numpy.polynomial import polynomial as power
+
+from lapwing.transmission_error import stationary_points
 
 # |λ|·w <= 1 for both free exponents λ, so the first neglected term is below 1/21! = 2e-20.
 _TERMS = 21

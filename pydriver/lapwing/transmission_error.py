@@ -12,8 +12,9 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
-from lapwing.transmission_error_file import TransmissionErrorFileError, read_columns
 from numpy.polynomial import polynomial as power
+
+from lapwing.transmission_error_file import TransmissionErrorFileError, read_columns
 
 # A joint of two pieces may be off by rounding (about 1e-14 of the largest value); a gap or an
 # unmarked slope jump in the data is far larger.

@@ -25,7 +25,7 @@ contains
     logical, intent(in) :: condition    !! what must be true
     character(*), intent(in) :: what    !! in words
     call count_check(self, condition)
-    if (say(self, condition)) print '(2a)', 'FAILED: ', what
+    if (say(self, condition)) print "(2a)", "FAILED: ", what
   end subroutine is_true
 
   !> Two integers are equal.
@@ -35,8 +35,9 @@ contains
     integer, intent(in) :: expected     !! what should have
     character(*), intent(in) :: what    !! in words
     call count_check(self, found == expected)
-    if (say(self, found == expected)) &
-        print '(3a, i0, a, i0)', 'FAILED: ', what, ': ', found, ', expected ', expected
+    if (say(self, found == expected)) then
+      print "(3a, i0, a, i0)", "FAILED: ", what, ": ", found, ", expected ", expected
+    end if
   end subroutine equal
 
   !> A number is as expected, within an absolute tolerance. No comparison is made with NaN.
@@ -50,8 +51,8 @@ contains
     good = is_number(found)
     if (good) good = abs(found - expected) <= tolerance
     call count_check(self, good)
-    if (say(self, good)) print '(3a, es24.16, a, es24.16, 2(a, es10.2))', 'FAILED: ', what, ': ', &
-        found, ', expected ', expected, ', off by ', found - expected, ', allowed ', tolerance
+    if (say(self, good)) print "(3a, es24.16, a, es24.16, 2(a, es10.2))", "FAILED: ", what, ": ", &
+        found, ", expected ", expected, ", off by ", found - expected, ", allowed ", tolerance
   end subroutine near
 
   !> A number does not exceed a bound.
@@ -64,14 +65,14 @@ contains
     good = is_number(found)
     if (good) good = found <= bound
     call count_check(self, good)
-    if (say(self, good)) print '(3a, es24.16, a, es24.16)', 'FAILED: ', what, ': ', found, &
-        ', allowed up to ', bound
+    if (say(self, good)) print "(3a, es24.16, a, es24.16)", "FAILED: ", what, ": ", found, &
+        ", allowed up to ", bound
   end subroutine below
 
   !> End the program: status 1 if anything failed or nothing was checked.
   subroutine finish(self)
     class(tally_t), intent(in) :: self
-    print '(i0, a, i0, a)', self%checks, ' checks, ', self%failures, ' failed'
+    print "(i0, a, i0, a)", self%checks, " checks, ", self%failures, " failed"
     if (self%failures > 0 .or. self%checks == 0) error stop 1
   end subroutine finish
 

@@ -19,12 +19,12 @@ program measure_dispatch
 
   gear = some_gear(3.0_wp, law_compliant)
   dispatched%inner = gear
-  call report_step('step in contact, own stages ', gear, engagement)
-  call report_step('step in contact, by dispatch', dispatched, engagement)
-  call report_step('step in flight,  own stages ', gear, separation)
-  call report_step('step in flight,  by dispatch', dispatched, separation)
-  call report_advance('advance, always in contact ', some_gear(3.0_wp, law_compliant))
-  call report_advance('advance, bouncing          ', some_gear(0.06_wp, law_restitution))
+  call report_step("step in contact, own stages ", gear, engagement)
+  call report_step("step in contact, by dispatch", dispatched, engagement)
+  call report_step("step in flight,  own stages ", gear, separation)
+  call report_step("step in flight,  by dispatch", dispatched, separation)
+  call report_advance("advance, always in contact ", some_gear(3.0_wp, law_compliant))
+  call report_advance("advance, bouncing          ", some_gear(0.06_wp, law_restitution))
 
 contains
 
@@ -79,7 +79,7 @@ contains
       end do
       best = min(best, seconds() - began)
     end do
-    print '(2a, f8.1, a)', name, ': ', 1.0e9_wp*best/steps, ' ns per step'
+    print "(2a, f8.1, a)", name, ": ", 1.0e9_wp*best/steps, " ns per step"
   end subroutine report_step
 
   !> Best of some runs of 1e6 calls of `advance`, from rest, and what they consisted of.
@@ -100,13 +100,13 @@ contains
       began = seconds()
       do i = 1, steps
         call advance(system, numerics, state, segment, work, status)
-        if (status /= 0) error stop 'advance failed'
+        if (status /= 0) error stop "advance failed"
       end do
       best = min(best, seconds() - began)
     end do
-    print '(2a, f8.1, a, 4(f6.2, a))', name, ': ', 1.0e9_wp*best/steps, ' ns per call (', &
-        work%steps/steps, ' steps, ', work%rejected/steps, ' rejected, ', &
-        work%drive_searches/steps, ' searches, ', work%polish_steps/steps, ' polish steps per call)'
+    print "(2a, f8.1, a, 4(f6.2, a))", name, ": ", 1.0e9_wp*best/steps, " ns per call (", &
+        work%steps/steps, " steps, ", work%rejected/steps, " rejected, ", &
+        work%drive_searches/steps, " searches, ", work%polish_steps/steps, " polish steps per call)"
   end subroutine report_advance
 
   real(wp) function seconds()

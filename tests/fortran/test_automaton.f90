@@ -41,7 +41,7 @@ contains
     integer :: i, status, calls
     do calls = 1, 1000000
       call advance(system, numerics, state, segment, work, status)
-      call tally%equal(status, status_ok, 'advance: status')
+      call tally%equal(status, status_ok, "advance: status")
       if (status /= status_ok) exit
       do i = 1, segment%n_events
         event = segment%events(i)
@@ -50,7 +50,7 @@ contains
         if (event%kind == kind) return
       end do
     end do
-    call tally%is_true(.false., 'an event that never came')
+    call tally%is_true(.false., "an event that never came")
   end subroutine next_event
 
   !> A ball dropped from height H comes to rest after sqrt(2H/a)(1 + eps)/(1 - eps). Of N bounces
@@ -82,14 +82,14 @@ contains
         ! The last one followed leaves less than 1e-7 periods: 2 sqrt(0.7) eps**n/(1 - eps).
         followed = ceiling(log(1.0e-7_wp*period(k)*(1 - restitution(i))/(2*sqrt(0.7_wp))) &
             /log(restitution(i)))
-        call tally%equal(impacts, followed, 'impacts followed')
+        call tally%equal(impacts, followed, "impacts followed")
         call tally%near(time, exact, 4*(followed + 2)*spacing(period(k)) &
-            + 4*exact*epsilon(exact), 'the ball comes to rest')
-        call tally%equal(state%instant%motion_state, engagement, 'the ball rests')
+            + 4*exact*epsilon(exact), "the ball comes to rest")
+        call tally%equal(state%instant%motion_state, engagement, "the ball rests")
         call stays(ball, state)
       end do
     end do
-    print '(a, es9.2)', 'measured: accumulation time off by at most ', worst
+    print "(a, es9.2)", "measured: accumulation time off by at most ", worst
   end subroutine test_bouncing_ball
 
   !> A pressed ball stays where it is for three cycles.
@@ -102,9 +102,9 @@ contains
     integer :: i, status
     do i = 1, 3
       call advance(ball, numerics, state, segment, work, status)
-      call tally%equal(segment%n_events, 0, 'a resting ball has no events')
-      call tally%near(state%instant%y(1), 0.0_wp, 0.0_wp, 'a resting ball stays')
-      call tally%is_true(segment%cycle_completed, 'a resting ball: a call per cycle')
+      call tally%equal(segment%n_events, 0, "a resting ball has no events")
+      call tally%near(state%instant%y(1), 0.0_wp, 0.0_wp, "a resting ball stays")
+      call tally%is_true(segment%cycle_completed, "a resting ball: a call per cycle")
     end do
   end subroutine stays
 
@@ -123,8 +123,8 @@ contains
     state%instant%y(1) = -0.5_wp
     impacts = 0
     call next_event(ball, numerics, state, work, event_engage, event, time, impacts)
-    call tally%equal(impacts, 1, 'eps = 0: one impact')
-    call tally%near(time, 1.0_wp, 4*spacing(7.0_wp), 'eps = 0: when')
+    call tally%equal(impacts, 1, "eps = 0: one impact")
+    call tally%near(time, 1.0_wp, 4*spacing(7.0_wp), "eps = 0: when")
   end subroutine test_no_restitution
 
   !> Elastic between two walls under a constant force: speeds 2 at the drive flank and sqrt(2) at
@@ -152,11 +152,11 @@ contains
       worst = max(worst, abs(event%before - 2))
     end do
     exact = rounds*2*(2 - sqrt(2.0_wp))
-    print '(a, 2es9.2)', 'measured: 1e4 elastic rounds, drift of speed and time ', worst, &
+    print "(a, 2es9.2)", "measured: 1e4 elastic rounds, drift of speed and time ", worst, &
         abs(time - exact)
-    call tally%equal(impacts, 2*rounds, 'both walls are hit in every round')
-    call tally%below(worst, drift, 'elastic walls: drift of the speed')
-    call tally%near(time, exact, rounds*(worst + 8*spacing(3.0_wp)), 'elastic walls: time')
+    call tally%equal(impacts, 2*rounds, "both walls are hit in every round")
+    call tally%below(worst, drift, "elastic walls: drift of the speed")
+    call tally%near(time, exact, rounds*(worst + 8*spacing(3.0_wp)), "elastic walls: time")
   end subroutine test_two_walls
 
   !> The impact oscillator x'' + x = A cos(w t), x <= 0, with its orbit of one impact per period.
@@ -218,9 +218,9 @@ contains
       if (i < cycles .and. .not. exactly) cycle
       worst = max(worst, abs(event%before - speed), abs(time - (at + i*mass%period)))
     end do
-    print '(a, es9.2, a, f7.1)', 'measured: impact oscillator off by ', worst, &
-        ', steps per period ', work%steps/cycles
-    call tally%below(worst, tolerance, 'impact oscillator: time and speed of the impact')
+    print "(a, es9.2, a, f7.1)", "measured: impact oscillator off by ", worst, &
+        ", steps per period ", work%steps/cycles
+    call tally%below(worst, tolerance, "impact oscillator: time and speed of the impact")
   end subroutine follow_orbit
 
   !> A flank that stands, kinks towards the tooth and away: F = 2, kink at 1 by -0.2 where phi = -1,
@@ -240,8 +240,8 @@ contains
     state%instant = start_from(gear, 0.0_wp, separation, -2.0_wp, 0.0_wp)
     impacts = 0
     call next_event(gear, numerics, state, work, event_impact, event, time, impacts)
-    call tally%near(time, sqrt(2.21_wp) - 0.1_wp, 10*epsilon(time), 'impact after a kink in flight')
-    call tally%near(event%before, 2*sqrt(2.21_wp), 20*epsilon(time), 'speed after a kink in flight')
+    call tally%near(time, sqrt(2.21_wp) - 0.1_wp, 10*epsilon(time), "impact after a kink in flight")
+    call tally%near(event%before, 2*sqrt(2.21_wp), 20*epsilon(time), "speed after a kink in flight")
   end subroutine test_kink_in_flight
 
   !> A plane flank cut in two where the tooth arrives: nothing is lost at the knot.
@@ -261,7 +261,7 @@ contains
       state%instant = start_from(gear, 0.0_wp, separation, -1 + i*epsilon(1.0_wp), 0.0_wp)
       impacts = 0
       call next_event(gear, numerics, state, work, event_impact, event, time, impacts)
-      call tally%near(time, 1.0_wp, 50*epsilon(time), 'impact at a knot')
+      call tally%near(time, 1.0_wp, 50*epsilon(time), "impact at a knot")
     end do
   end subroutine test_knot_at_impact
 
@@ -288,14 +288,14 @@ contains
     ball%restitution = 1
     ball%period = 1.0e4_wp
     call status_of(ball, -1.0_wp, numerics_t(max_events_per_cycle=50), status)
-    call tally%equal(status, status_too_many_events, 'too many events')
+    call tally%equal(status, status_too_many_events, "too many events")
     call status_of(ball, -1.0_wp, numerics_t(max_steps_per_cycle=50), status)
-    call tally%equal(status, status_too_many_steps, 'too many steps')
+    call tally%equal(status, status_too_many_steps, "too many steps")
     call ieee_set_halting_mode(ieee_invalid, .false.)
     call status_of(ball, ieee_value(1.0_wp, ieee_quiet_nan), numerics_t(), status)
     call ieee_set_flag(ieee_invalid, .false.)
     call ieee_set_halting_mode(ieee_invalid, .true.)
-    call tally%equal(status, status_not_finite, 'not a number')
+    call tally%equal(status, status_not_finite, "not a number")
   end subroutine test_bounds
 
   subroutine status_of(ball, x, numerics, status)

@@ -63,10 +63,10 @@ contains
     logical :: ends
     call remaining_chatter([2.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], 0.5_wp, 0.75_wp, &
         long_period, 0.0_wp, long_period, ends, duration)
-    call tally%is_true(ends, 'constant pressing: ends')
-    call tally%near(duration, 2.0_wp, 4*epsilon(duration), 'constant pressing')
+    call tally%is_true(ends, "constant pressing: ends")
+    call tally%near(duration, 2.0_wp, 4*epsilon(duration), "constant pressing")
     call tally%near(real(direct_sum([2.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], 0.5_wp, &
-        0.75_wp), wp), 2.0_wp, 4*epsilon(duration), 'constant pressing, bounce by bounce')
+        0.75_wp), wp), 2.0_wp, 4*epsilon(duration), "constant pressing, bounce by bounce")
   end subroutine test_constant
 
   !> The error of the sum is within the part said to be neglected, up to a factor: the second-order
@@ -93,8 +93,8 @@ contains
       exact = direct_sum(p, v, restitution(e))
       worst = max(worst, abs(real(duration - exact, wp))/neglected(p, v, restitution(e)))
     end do
-    print '(a, f8.4)', 'measured: error of the sum over what is called neglected, at most ', worst
-    call tally%below(worst, 3.0_wp, 'error of the sum over what is called neglected')
+    print "(a, f8.4)", "measured: error of the sum over what is called neglected, at most ", worst
+    call tally%below(worst, 3.0_wp, "error of the sum over what is called neglected")
   end subroutine test_bound
 
   !> Both terms of the formula are right: the error falls with the cube of the speed.
@@ -110,9 +110,9 @@ contains
       error(i) = abs(real(duration - direct_sum(p, v, eps), wp))
     end do
     slope = log(error(1)/error(2))/log(2.0_wp)
-    print '(a, f7.3)', 'measured: order of the chatter sum in the speed ', slope
+    print "(a, f7.3)", "measured: order of the chatter sum in the speed ", slope
     ! The next term is smaller by T1 |j|/a = 0.004, so that the exponent is off by as much.
-    call tally%near(slope, 3.0_wp, 0.05_wp, 'order of the chatter sum')
+    call tally%near(slope, 3.0_wp, 0.05_wp, "order of the chatter sum")
   end subroutine test_order
 
   !> Whenever a chatter is ended the time of its end is within `chatter_tol` of a mesh period (times
@@ -130,10 +130,10 @@ contains
       if (.not. ends) cycle
       n_ended = n_ended + 1
       call tally%near(real(duration - direct_sum(p, v, 0.7_wp), wp), 0.0_wp, &
-          3*tolerance*period, 'end of a chatter')
+          3*tolerance*period, "end of a chatter")
     end do
     ! 2v/(0.3*0.3) <= 1e-7*5: v below 2.2e-8, that is i from 39 on.
-    call tally%equal(n_ended, 22, 'chatters ended')
+    call tally%equal(n_ended, 22, "chatters ended")
   end subroutine test_accuracy_when_ended
 
   subroutine refused(pressing, speed, restitution, free, what)
@@ -142,7 +142,7 @@ contains
     real(wp) :: duration
     logical :: ends
     call remaining_chatter(pressing, speed, restitution, 1.0_wp, 1.0e-10_wp, free, ends, duration)
-    call tally%is_true(.not. ends, 'not a complete chatter: '//what)
+    call tally%is_true(.not. ends, "not a complete chatter: "//what)
   end subroutine refused
 
   subroutine test_refusals()
@@ -153,26 +153,26 @@ contains
     real(wp) :: duration
     logical :: ends
     call remaining_chatter(p, v, 0.5_wp, 1.0_wp, 1.0e-10_wp, 1.0_wp, ends, duration)
-    call tally%is_true(ends, 'the case that the refusals vary')
-    call refused(-p, v, 0.5_wp, 1.0_wp, 'pulled away')
-    call refused(0*p, v, 0.5_wp, 1.0_wp, 'no force')
-    call refused(p, v, 1.0_wp, 1.0_wp, 'elastic')
-    call refused(p, 0.0_wp, 0.5_wp, 1.0_wp, 'at rest')
-    call refused(p, -v, 0.5_wp, 1.0_wp, 'moving in')
-    call refused(p, 1.0e-3_wp, 0.5_wp, 1.0_wp, 'too long')
-    call refused(p, v, 0.5_wp, 2*v, 'a knot inside')
+    call tally%is_true(ends, "the case that the refusals vary")
+    call refused(-p, v, 0.5_wp, 1.0_wp, "pulled away")
+    call refused(0*p, v, 0.5_wp, 1.0_wp, "no force")
+    call refused(p, v, 1.0_wp, 1.0_wp, "elastic")
+    call refused(p, 0.0_wp, 0.5_wp, 1.0_wp, "at rest")
+    call refused(p, -v, 0.5_wp, 1.0_wp, "moving in")
+    call refused(p, 1.0e-3_wp, 0.5_wp, 1.0_wp, "too long")
+    call refused(p, v, 0.5_wp, 2*v, "a knot inside")
     ! r = 2*1.5e8*v/(3*0.5) = 0.2: what is neglected is 4 v r**2 = 1.6e-10 periods.
-    call refused(rising, v, 0.5_wp, 1.0_wp, 'the sum is not accurate enough')
-    call refused(falling, 1.0e-8_wp, 0.5_wp, 1.0_wp, 'pressing ends inside')
+    call refused(rising, v, 0.5_wp, 1.0_wp, "the sum is not accurate enough")
+    call refused(falling, 1.0e-8_wp, 0.5_wp, 1.0_wp, "pressing ends inside")
   end subroutine test_refusals
 
   !> 2v/a up to 4 units in the last place of time.
   subroutine test_resolution()
     real(wp) :: v
     v = 0.5_wp*4*spacing(7.0_wp)*3.0_wp
-    call tally%is_true(below_resolution(3.0_wp, v, 7.0_wp), 'at the resolution')
-    call tally%is_true(.not. below_resolution(3.0_wp, 1.001_wp*v, 7.0_wp), 'above it')
-    call tally%is_true(.not. below_resolution(-3.0_wp, 0.0_wp, 7.0_wp), 'not pressed')
+    call tally%is_true(below_resolution(3.0_wp, v, 7.0_wp), "at the resolution")
+    call tally%is_true(.not. below_resolution(3.0_wp, 1.001_wp*v, 7.0_wp), "above it")
+    call tally%is_true(.not. below_resolution(-3.0_wp, 0.0_wp, 7.0_wp), "not pressed")
   end subroutine test_resolution
 
   subroutine random_seed_fixed()

@@ -50,8 +50,8 @@ contains
     motion%h = h
     motion%dense(0:4, 1) = x
     call find_crossing(ball, frame, motion_state, touching, motion, work, crossing)
-    call tally%is_true(work%drive_searches <= 1 .and. work%coast_searches <= 1, 'one search each')
-    if (ball%n_flanks == 1) call tally%near(work%coast_searches, 0.0_wp, 0.0_wp, 'no coast search')
+    call tally%is_true(work%drive_searches <= 1 .and. work%coast_searches <= 1, "one search each")
+    if (ball%n_flanks == 1) call tally%near(work%coast_searches, 0.0_wp, 0.0_wp, "no coast search")
   end subroutine search
 
   subroutine expect(crossing, flank, sigma, tolerance, what)
@@ -60,9 +60,9 @@ contains
     real(wp), intent(in) :: sigma                 !! expected s/h
     real(wp), intent(in) :: tolerance             !! of it
     character(*), intent(in) :: what              !! in words
-    call tally%is_true(crossing%found, what//': found')
+    call tally%is_true(crossing%found, what//": found")
     if (.not. crossing%found) return
-    call tally%equal(crossing%flank, flank, what//': flank')
+    call tally%equal(crossing%flank, flank, what//": flank")
     call tally%near(crossing%s/h, sigma, tolerance, what)
   end subroutine expect
 
@@ -78,12 +78,12 @@ contains
       sigma = sigma - (8*sigma**3 - 4*sigma + 0.5_wp)/(24*sigma**2 - 4)
     end do
     call search(x + [-0.5_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], separation, no_flank, crossing)
-    call expect(crossing, coast_flank, sigma, 2*rounding, 'coast flank, then drive flank')
+    call expect(crossing, coast_flank, sigma, 2*rounding, "coast flank, then drive flank")
     call search(-x - [0.5_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], separation, no_flank, crossing)
-    call expect(crossing, drive_flank, sigma, 2*rounding, 'drive flank, then coast flank')
+    call expect(crossing, drive_flank, sigma, 2*rounding, "drive flank, then coast flank")
     ! From one flank to the other and back: sigma (1 - sigma) reaches 1 at (1 - sqrt(0.6))/2.
     call search([0.0_wp, -10.0_wp, 10.0_wp, 0.0_wp, 0.0_wp], separation, drive_flank, crossing)
-    call expect(crossing, coast_flank, 0.5_wp*(1 - sqrt(0.6_wp)), 2*rounding, 'from flank to flank')
+    call expect(crossing, coast_flank, 0.5_wp*(1 - sqrt(0.6_wp)), 2*rounding, "from flank to flank")
   end subroutine test_both_flanks
 
   !> Path -(sigma - 0.2)(sigma - 0.4)(sigma - 0.6)(sigma - 0.8): four crossings, the first counts.
@@ -91,9 +91,9 @@ contains
   subroutine test_several_crossings()
     type(crossing_t) :: crossing
     call search([-0.0384_wp, 0.4_wp, -1.4_wp, 2.0_wp, -1.0_wp], separation, no_flank, crossing)
-    call expect(crossing, drive_flank, 0.2_wp, 4*rounding, 'first of four crossings')
+    call expect(crossing, drive_flank, 0.2_wp, 4*rounding, "first of four crossings")
     call search([0.0_wp, -0.096_wp, 0.44_wp, -0.6_wp, 0.24_wp], separation, drive_flank, crossing)
-    call tally%is_true(crossing%found, 'first of crossings after a start at the flank')
+    call tally%is_true(crossing%found, "first of crossings after a start at the flank")
   end subroutine test_several_crossings
 
   !> Path -(sigma - 0.3)**2 (0.7 - sigma) + shift: a graze missed by 1e-6 is passed over, one beyond
@@ -104,14 +104,14 @@ contains
     type(crossing_t) :: crossing
     call search(x - shift, separation, no_flank, crossing)
     ! The crossing at 0.7 has slope 0.16 and moves by shift/slope, with curvature 4e-11.
-    call expect(crossing, drive_flank, 0.7_wp + 1.0e-6_wp/0.16_wp, 1.0e-9_wp, 'after a near graze')
+    call expect(crossing, drive_flank, 0.7_wp + 1.0e-6_wp/0.16_wp, 1.0e-9_wp, "after a near graze")
     call search(x + shift, separation, no_flank, crossing)
     call expect(crossing, drive_flank, 0.3_wp - sqrt(1.0e-6_wp/0.4_wp), 1.0e-5_wp, &
-        'a shallow graze')
+        "a shallow graze")
     call search(x, separation, no_flank, crossing)
-    call tally%is_true(crossing%found, 'an exact graze and a crossing')
+    call tally%is_true(crossing%found, "an exact graze and a crossing")
     call tally%below(min(abs(crossing%s/h - 0.3_wp), abs(crossing%s/h - 0.7_wp)), 1.0e-7_wp, &
-        'an exact graze or the crossing after it, nothing else')
+        "an exact graze or the crossing after it, nothing else")
   end subroutine test_crossing_and_touching
 
   !> A bounce of any size, down to 1e-15 of the step, ends to relative precision, though the step
@@ -123,15 +123,15 @@ contains
     do i = 1, 15
       sigma = 10.0_wp**(-i)
       call search([0.0_wp, -sigma, 1.0_wp, 0.0_wp, 0.0_wp], separation, drive_flank, crossing)
-      call expect(crossing, drive_flank, sigma, rounding*sigma, 'a small bounce')
+      call expect(crossing, drive_flank, sigma, rounding*sigma, "a small bounce")
       call search([-1.0_wp, sigma, -1.0_wp, 0.0_wp, 0.0_wp], separation, coast_flank, crossing)
-      call expect(crossing, coast_flank, sigma, rounding*sigma, 'a small bounce at the coast flank')
+      call expect(crossing, coast_flank, sigma, rounding*sigma, "a small bounce at the coast flank")
       ! Rounding put the ball 1e-17 beyond the flank it leaves: that is no impact.
       call search([1.0e-17_wp, -sigma, 1.0_wp, 0.0_wp, 0.0_wp], separation, drive_flank, crossing)
-      call expect(crossing, drive_flank, sigma, rounding*sigma, 'a small bounce from beyond')
+      call expect(crossing, drive_flank, sigma, rounding*sigma, "a small bounce from beyond")
     end do
     call search([0.0_wp, -1.0_wp, -1.0_wp, 0.0_wp, 0.0_wp]/4, separation, drive_flank, crossing)
-    call tally%is_true(.not. crossing%found, 'leaving for good')
+    call tally%is_true(.not. crossing%found, "leaving for good")
   end subroutine test_rearm
 
   !> Distances that begin at, below or above zero.
@@ -140,47 +140,47 @@ contains
     logical :: found
     c = [-1.0e-18_wp, -1.0_wp, 5.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
     call first_descent(c, 1.0_wp, .false., found, at)
-    call tally%is_true(found .and. at <= 0, 'below and falling: at once')
+    call tally%is_true(found .and. at <= 0, "below and falling: at once")
     c = [0.0_wp, -1.0_wp, 5.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
     call first_descent(c, 1.0_wp, .false., found, at)
-    call tally%is_true(found .and. at <= 0, 'exactly at zero and falling: at once')
+    call tally%is_true(found .and. at <= 0, "exactly at zero and falling: at once")
     c = [0.0_wp, 0.0_wp, -1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
     call first_descent(c, 1.0_wp, .false., found, at)
-    call tally%is_true(found .and. at <= 0, 'exactly at zero and beginning to fall: at once')
+    call tally%is_true(found .and. at <= 0, "exactly at zero and beginning to fall: at once")
     c = [0.0_wp, 1.0_wp, -2.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
     call first_descent(c, 1.0_wp, .false., found, at)
-    call tally%is_true(found, 'leaves and comes back')
-    call tally%near(at, 0.5_wp, rounding, 'leaves and comes back')
+    call tally%is_true(found, "leaves and comes back")
+    call tally%near(at, 0.5_wp, rounding, "leaves and comes back")
     c = [0.0_wp, 1.0_wp, 2.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
     call first_descent(c, 1.0_wp, .false., found, at)
-    call tally%is_true(.not. found, 'leaves for good')
+    call tally%is_true(.not. found, "leaves for good")
     c = 0
     call first_descent(c, 1.0_wp, .false., found, at)
-    call tally%is_true(.not. found, 'stays at zero')
+    call tally%is_true(.not. found, "stays at zero")
     ! Known to leave: leading coefficients that deny it are rounding.
     c = [-1.0e-18_wp, -1.0e-18_wp, 1.0_wp, -2.0_wp, 0.0_wp, 0.0_wp]
     call first_descent(c, 1.0_wp, .true., found, at)
-    call tally%is_true(found, 'left the flank, comes back')
-    call tally%near(at, 0.5_wp, rounding, 'left the flank, comes back')
+    call tally%is_true(found, "left the flank, comes back")
+    call tally%near(at, 0.5_wp, rounding, "left the flank, comes back")
   end subroutine test_first_descent
 
   !> In contact only the own flank matters, and what ends contact is coming back to it.
   subroutine test_release()
     type(crossing_t) :: crossing
     call search([0.1_wp, -0.4_wp, -1.0_wp, -1.0_wp, 0.0_wp], engagement, no_flank, crossing)
-    call tally%is_true(crossing%found, 'release')
-    call tally%equal(crossing%flank, drive_flank, 'release: flank')
+    call tally%is_true(crossing%found, "release")
+    call tally%equal(crossing%flank, drive_flank, "release: flank")
     call tally%near(horner([0.1_wp, -0.4_wp, -1.0_wp, -1.0_wp], crossing%s/h), 0.0_wp, rounding, &
-        'release: at the flank')
+        "release: at the flank")
     call search([0.0_wp, 1.0_wp, -4.0_wp, 0.0_wp, 0.0_wp], engagement, drive_flank, crossing)
-    call expect(crossing, drive_flank, 0.25_wp, rounding, 'release of what has just engaged')
+    call expect(crossing, drive_flank, 0.25_wp, rounding, "release of what has just engaged")
   end subroutine test_release
 
   !> Without a coast flank nothing is searched there.
   subroutine test_one_flank()
     type(crossing_t) :: crossing
     call search([-0.5_wp, -4.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], separation, no_flank, crossing, 1)
-    call tally%is_true(.not. crossing%found, 'no coast flank')
+    call tally%is_true(.not. crossing%found, "no coast flank")
   end subroutine test_one_flank
 
   !> One cubic flank as one piece and cut into four: the same crossings, to rounding over slope.
@@ -197,9 +197,9 @@ contains
       phi_dot = -1.5_wp + 0.05_wp*i
       call flight(knots([1, 5]), c(:, 1:1), phi_dot, s(1), flank(1))
       call flight(knots, c, phi_dot, s(2), flank(2))
-      call tally%equal(flank(2), flank(1), 'flank met across pieces')
+      call tally%equal(flank(2), flank(1), "flank met across pieces")
       ! Approach velocities stay above 0.1 here; g and its pieces are below 1.
-      call tally%near(s(2), s(1), 10*rounding*10, 'time met across pieces')
+      call tally%near(s(2), s(1), 10*rounding*10, "time met across pieces")
     end do
   end subroutine test_pieces
 
@@ -244,11 +244,11 @@ contains
     call mass%open_frame(instant, frame, z)
     call rk4_step(mass, frame, separation, 0.5_wp, z, motion, z_end, error)
     call find_crossing(mass, frame, separation, no_flank, motion, work, crossing)
-    call tally%is_true(crossing%found, 'crossing of the oscillator')
+    call tally%is_true(crossing%found, "crossing of the oscillator")
     dense_s = crossing%s
     call polish_crossing(mass, frame, separation, motion%h, z, crossing, z_end, work)
-    call tally%near(z_end(1), 0.3_wp, 10*epsilon(1.0_wp), 'polished: at the wall')
-    call tally%below(abs(crossing%s - dense_s), 2*error(1), 'polished: near the dense output')
-    call tally%below(work%polish_steps, 8.0_wp, 'polished: steps')
+    call tally%near(z_end(1), 0.3_wp, 10*epsilon(1.0_wp), "polished: at the wall")
+    call tally%below(abs(crossing%s - dense_s), 2*error(1), "polished: near the dense output")
+    call tally%below(work%polish_steps, 8.0_wp, "polished: steps")
   end subroutine test_polish
 end program test_event_search

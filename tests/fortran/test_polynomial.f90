@@ -33,21 +33,21 @@ contains
   subroutine test_values()
     real(wp) :: c(0:5), b(0:5)
     c = [1.0_wp, 2.0_wp, -3.0_wp, 0.0_wp, 0.0_wp, 1.0_wp]
-    call tally%near(horner(c, 2.0_wp), 25.0_wp, 0.0_wp, 'horner')
-    call tally%near(horner_slope(c, 2.0_wp), 70.0_wp, 0.0_wp, 'horner_slope')
-    call tally%near(horner(c(0:0), 2.0_wp), 1.0_wp, 0.0_wp, 'horner of a constant')
-    call tally%near(horner_slope(c(0:1), 7.0_wp), 2.0_wp, 0.0_wp, 'slope of a line')
+    call tally%near(horner(c, 2.0_wp), 25.0_wp, 0.0_wp, "horner")
+    call tally%near(horner_slope(c, 2.0_wp), 70.0_wp, 0.0_wp, "horner_slope")
+    call tally%near(horner(c(0:0), 2.0_wp), 1.0_wp, 0.0_wp, "horner of a constant")
+    call tally%near(horner_slope(c(0:1), 7.0_wp), 2.0_wp, 0.0_wp, "slope of a line")
     call taylor_shift(c, 2.0_wp)
     call tally%below(maxval(abs(c - [25, 70, 77, 40, 10, 1])), &
-        0.0_wp, 'taylor_shift')
+        0.0_wp, "taylor_shift")
     ! x**k has b_j = C(j, k)/C(5, k): binomials over 5 and 10, one rounding each of a value <= 1.
     b = bernstein([0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp])
-    call tally%below(maxval(abs(5*b - [0, 1, 2, 3, 4, 5])), 5*4*epsilon(1.0_wp), 'bernstein of x')
+    call tally%below(maxval(abs(5*b - [0, 1, 2, 3, 4, 5])), 5*4*epsilon(1.0_wp), "bernstein of x")
     b = bernstein([0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp])
     call tally%below(maxval(abs(10*b - [0, 0, 1, 3, 6, 10])), 10*4*epsilon(1.0_wp), &
-        'bernstein of x**2')
+        "bernstein of x**2")
     b = bernstein([3.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, -3.0_wp])
-    call tally%below(maxval(abs(b - [3, 3, 3, 3, 3, 0])), 0.0_wp, 'bernstein of 3 - 3x**5')
+    call tally%below(maxval(abs(b - [3, 3, 3, 3, 3, 0])), 0.0_wp, "bernstein of 3 - 3x**5")
   end subroutine test_values
 
   !> A polynomial that begins at zero and rises is divided by x until it is positive.
@@ -56,14 +56,14 @@ contains
     integer :: times
     c = [0.0_wp, 0.0_wp, 2.0_wp, -1.0_wp, 0.0_wp, 4.0_wp]
     call lift_off(c, times)
-    call tally%equal(times, 2, 'lift_off divisions')
-    call tally%below(maxval(abs(c - [2, -1, 0, 4, 0, 0])), 0.0_wp, 'lift_off coefficients')
+    call tally%equal(times, 2, "lift_off divisions")
+    call tally%below(maxval(abs(c - [2, -1, 0, 4, 0, 0])), 0.0_wp, "lift_off coefficients")
     c = [1.0_wp, -1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
     call lift_off(c, times)
-    call tally%equal(times, 0, 'lift_off of a positive one')
+    call tally%equal(times, 0, "lift_off of a positive one")
     c = 0
     call lift_off(c, times)
-    call tally%equal(times, max_degree + 1, 'lift_off of nothing')
+    call tally%equal(times, max_degree + 1, "lift_off of nothing")
   end subroutine test_lift_off
 
   !> Roots anywhere, of any sign, at least 1e-3 apart: the first one is met to its conditioning.
@@ -95,13 +95,13 @@ contains
     real(wp) :: first, slope
     integer :: i
     first = minval(roots, roots > 0 .and. roots <= length)
-    call tally%is_true(found .eqv. first <= length, 'a simple root is found or not')
+    call tally%is_true(found .eqv. first <= length, "a simple root is found or not")
     if (.not. (found .and. first <= length)) return
     slope = 1
     do i = 1, size(roots)
       if (roots(i) /= first) slope = slope*abs(first - roots(i))
     end do
-    call tally%near(x, first, rounding*product(abs(first) + abs(roots))/slope, 'simple root')
+    call tally%near(x, first, rounding*product(abs(first) + abs(roots))/slope, "simple root")
   end subroutine check_first
 
   !> Roots within 1e-2 .. 1e-9 of each other: checked by what a computer can know (`check_sign`).
@@ -116,8 +116,8 @@ contains
       call from_roots(roots, c)
       call first_zero(c, 1.0_wp, found, x)
       ! An odd number of the roots lies inside: the sign changes, so something must be found.
-      if (mod(i, 3) /= 0) call tally%is_true(found, 'a cluster of five is found')
-      if (mod(i, 3) == 0) call tally%is_true(found, 'a cluster of three is found')
+      if (mod(i, 3) /= 0) call tally%is_true(found, "a cluster of five is found")
+      if (mod(i, 3) == 0) call tally%is_true(found, "a cluster of three is found")
       call check_sign(c, 1.0_wp, found, x)
     end do
   end subroutine test_clusters
@@ -133,19 +133,19 @@ contains
       crossing = 0.55_wp + 0.4_wp*random()
       call from_roots([touch, touch, crossing, -random()], c)
       call first_zero(c, 1.0_wp, found, x)
-      call tally%is_true(found, 'a crossing after a touch')
+      call tally%is_true(found, "a crossing after a touch")
       call check_sign(c, 1.0_wp, found, x)
       ! Half of the digits: rounding/curvature under a square root, curvature/scale > 1e-2 here.
-      call tally%below(min(abs(x - touch), abs(x - crossing)), sqrt(100*rounding), 'touch')
+      call tally%below(min(abs(x - touch), abs(x - crossing)), sqrt(100*rounding), "touch")
       call from_roots([touch, touch], c)
       call first_zero(c, 1.0_wp, found, x)
       call check_sign(c, 1.0_wp, found, x)
-      if (found) call tally%near(x, touch, sqrt(100*rounding), 'a touch alone')
+      if (found) call tally%near(x, touch, sqrt(100*rounding), "a touch alone")
     end do
     ! p = (x - 1/2)**2 is exact in binary: it must be reported where it is below rounding.
     call first_zero([0.25_wp, -1.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], 1.0_wp, found, x)
-    call tally%is_true(found, 'an exact touch')
-    call tally%near(x, 0.5_wp, sqrt(epsilon(x)), 'an exact touch')
+    call tally%is_true(found, "an exact touch")
+    call tally%near(x, 0.5_wp, sqrt(epsilon(x)), "an exact touch")
   end subroutine test_touches
 
   !> Pairs 1e-12 apart: near the middle the dip of 2.5e-25 is below rounding and either answer is
@@ -159,13 +159,13 @@ contains
       call from_roots([at, at + 1.0e-12_wp, 2.0_wp], c)
       call first_zero(c, 1.0_wp, found, x)
       call check_sign(c, 1.0_wp, found, x)
-      if (found) call tally%near(x, at, sqrt(100*rounding), 'close pair')
+      if (found) call tally%near(x, at, sqrt(100*rounding), "close pair")
       at = (1 + random())*1.0e-12_wp
       call from_roots([at, at + 1.0e-12_wp, 2.0_wp], c)
       call first_zero(c, 1.0_wp, found, x)
-      call tally%is_true(found, 'close pair at the origin is seen')
+      call tally%is_true(found, "close pair at the origin is seen")
       ! Conditioning (2 at)(at + at + 1e-12)/1e-12 of at: at most 20 at.
-      call tally%near(x, at, 20*rounding*at, 'close pair at the origin')
+      call tally%near(x, at, 20*rounding*at, "close pair at the origin")
     end do
   end subroutine test_close_pairs
 
@@ -178,8 +178,8 @@ contains
       tiny_root = (1 + random())*10.0_wp**(-8 - mod(i, 7))
       call from_roots([tiny_root, 0.5_wp + random(), -random() - 0.1_wp, 1 + random()], c)
       call first_zero(c, 1.0_wp, found, x)
-      call tally%is_true(found, 'tiny root is found')
-      call tally%near(x, tiny_root, 4*rounding*tiny_root, 'tiny root')
+      call tally%is_true(found, "tiny root is found")
+      call tally%near(x, tiny_root, 4*rounding*tiny_root, "tiny root")
     end do
   end subroutine test_tiny_roots
 
@@ -195,18 +195,18 @@ contains
     logical :: found
     integer :: i
     call first_zero([3.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, -3.0_wp], 1.0_wp, found, x)
-    call tally%is_true(found, 'root exactly at the end of the interval')
-    call tally%near(x, 1.0_wp, 0.0_wp, 'root exactly at the end')
+    call tally%is_true(found, "root exactly at the end of the interval")
+    call tally%near(x, 1.0_wp, 0.0_wp, "root exactly at the end")
     call first_zero([64.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, -2.0_wp], 2.0_wp, found, x)
-    call tally%is_true(found, 'root exactly at the end of a longer interval')
-    call tally%near(x, 2.0_wp, 0.0_wp, 'root exactly at the end of a longer interval')
+    call tally%is_true(found, "root exactly at the end of a longer interval")
+    call tally%near(x, 2.0_wp, 0.0_wp, "root exactly at the end of a longer interval")
     do i = 1, 3
       ! Each has the root 1 with slope -1 or -2 and sizes up to 6.
       call first_zero(c(:, i), 1 + 6*rounding, found, x)
-      call tally%is_true(found, 'a root just inside the end is found')
-      call tally%near(x, 1.0_wp, 6*rounding, 'a root just inside the end')
+      call tally%is_true(found, "a root just inside the end is found")
+      call tally%near(x, 1.0_wp, 6*rounding, "a root just inside the end")
       call first_zero(c(:, i), 1 - 6*rounding, found, x)
-      call tally%is_true(.not. found, 'a root just beyond the end is not found')
+      call tally%is_true(.not. found, "a root just beyond the end is not found")
     end do
   end subroutine test_end_of_interval
 
@@ -226,7 +226,7 @@ contains
       c = [quartic, 0.0_wp]*(1 + random()) + [0.0_wp, quartic]
       call first_zero(c, 1.0_wp, found, x)
       call check_sign(c, 1.0_wp, found, x)
-      if (mod(i, 6) <= 2) call tally%is_true(.not. found, 'no root')
+      if (mod(i, 6) <= 2) call tally%is_true(.not. found, "no root")
     end do
   end subroutine test_no_root
 
@@ -241,7 +241,7 @@ contains
       c = [1.0_wp, -3.0_wp, 1.0_wp, 0.0_wp, 1.0_wp, 1.0_wp]
       c(i) = ieee_value(x, ieee_quiet_nan)
       call first_zero(c, 1.0_wp, found, x)
-      call tally%is_true(.not. found, 'not a number is no root')
+      call tally%is_true(.not. found, "not a number is no root")
     end do
     call ieee_set_flag(ieee_invalid, .false.)
     call ieee_set_halting_mode(ieee_invalid, .true.)
@@ -254,26 +254,26 @@ contains
     call from_roots([0.2_wp, 0.7_wp, 1.5_wp, -1.0_wp], slope)
     c = [5.0_wp, (slope(k)/(k + 1), k = 0, 4)]
     call critical_points(c, 1.0_wp, n, at)
-    call tally%equal(n, 2, 'two extrema inside')
+    call tally%equal(n, 2, "two extrema inside")
     ! Rounding over slope: product(0.2 + |roots|)/product of distances < 3, and the second root is
     ! searched from the first, which adds its error.
-    call tally%near(at(1), 0.2_wp, 10*rounding, 'first extremum')
-    call tally%near(at(2), 0.7_wp, 10*rounding, 'second extremum')
+    call tally%near(at(1), 0.2_wp, 10*rounding, "first extremum")
+    call tally%near(at(2), 0.7_wp, 10*rounding, "second extremum")
     call from_roots([0.1_wp, 0.2_wp, 0.8_wp, 0.9_wp], slope)
     c = [0.0_wp, (-slope(k)/(k + 1), k = 0, 4)]
     call critical_points(c, 1.0_wp, n, at)
-    call tally%equal(n, 4, 'four extrema')
+    call tally%equal(n, 4, "four extrema")
     call tally%below(maxval(abs(at(1:4) - [0.1_wp, 0.2_wp, 0.8_wp, 0.9_wp])), 100*rounding, &
-        'four extrema')
+        "four extrema")
     call critical_points([1.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], 1.0_wp, n, at)
-    call tally%equal(n, 0, 'a line has no extremum')
+    call tally%equal(n, 0, "a line has no extremum")
     call critical_points([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], 1.0_wp, n, at)
-    call tally%equal(n, 0, 'a constant has no extremum')
+    call tally%equal(n, 0, "a constant has no extremum")
     call critical_points([0.0_wp, 0.0_wp, -1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], 1.0_wp, n, at)
-    call tally%equal(n, 0, 'an extremum at the beginning is not inside')
+    call tally%equal(n, 0, "an extremum at the beginning is not inside")
     call critical_points([0.0_wp, 0.0_wp, -1.0_wp, 1.0_wp, 0.0_wp, 0.0_wp], 1.0_wp, n, at)
-    call tally%equal(n, 1, 'one extremum after one at the beginning')
-    if (n == 1) call tally%near(at(1), 2.0_wp/3, rounding, 'extremum of -x**2 + x**3')
+    call tally%equal(n, 1, "one extremum after one at the beginning")
+    if (n == 1) call tally%near(at(1), 2.0_wp/3, rounding, "extremum of -x**2 + x**3")
   end subroutine test_critical_points
 
   !> What a computer can know: before the zero the polynomial is not negative beyond rounding, and
@@ -293,9 +293,9 @@ contains
       at = last*(real(i, wp)/samples)
       worst = max(worst, real(-exact(c, at)/exact(abs(c), length), wp))
     end do
-    call tally%below(worst, rounding, 'negative before the zero, over the size')
+    call tally%below(worst, rounding, "negative before the zero, over the size")
     if (found) call tally%below(real(abs(exact(c, x))/exact(abs(c), length), wp), rounding, &
-        'value at the zero, over the size')
+        "value at the zero, over the size")
   end subroutine check_sign
 
   !> Value in quadruple precision.

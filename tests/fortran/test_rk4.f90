@@ -42,15 +42,15 @@ contains
       trees%variant = tree
       call rk4_step(trees, frame, separation, 1.0_wp, z, motion, z_end, error)
       call check_tree(motion, z_end, 8, merge(4, 5, tree == 0), last_density(tree), rounding)
-      if (tree == 0) call tally%below(error(8), rounding, 'estimate, the tall tree of order 4')
+      if (tree == 0) call tally%below(error(8), rounding, "estimate, the tall tree of order 4")
       if (tree > 0) largest = max(largest, error(8))
     end do
-    call tally%is_true(largest > 1.0e-4_wp, 'the estimate sees the terms of order 5')
+    call tally%is_true(largest > 1.0e-4_wp, "the estimate sees the terms of order 5")
     trees%variant = 0
     call rk4_step(trees, frame, separation, 1.0_wp, z, motion, z_end, error)
     do tree = 1, 7
       call check_tree(motion, z_end, tree, tree_order(tree), density(tree), rounding)
-      call tally%below(error(tree), rounding, 'estimate of a tree up to order 4')
+      call tally%below(error(tree), rounding, "estimate of a tree up to order 4")
     end do
   end subroutine test_trees
 
@@ -63,11 +63,11 @@ contains
     real(wp), intent(in) :: rounding            !! allowed
     character(40) :: name
     integer :: k
-    write (name, '(a, i0, a, i0)') 'order ', tree_order, ', density ', density
-    call tally%near(z_end(i), 1.0_wp/density, rounding, 'formula, tree of '//trim(name))
+    write (name, "(a, i0, a, i0)") "order ", tree_order, ", density ", density
+    call tally%near(z_end(i), 1.0_wp/density, rounding, "formula, tree of "//trim(name))
     do k = 0, ubound(motion%dense, 1)
       call tally%near(motion%dense(k, i), merge(1.0_wp/density, 0.0_wp, k == tree_order), &
-          rounding, 'dense output, tree of '//trim(name))
+          rounding, "dense output, tree of "//trim(name))
     end do
   end subroutine check_tree
 
@@ -103,8 +103,8 @@ contains
     integer :: i
     error = [(swirl_error(2**i), i = 5, 7)]
     slope = log(error(1:2)/error(2:3))/log(2.0_wp)
-    print '(a, 2f7.3, a, es9.2)', 'formula: order ', slope, ', error at 1/128 ', error(3)
-    call tally%near(2*slope(2) - slope(1), 5.0_wp, 0.1_wp, 'order of the formula')
+    print "(a, 2f7.3, a, es9.2)", "formula: order ", slope, ", error at 1/128 ", error(3)
+    call tally%near(2*slope(2) - slope(1), 5.0_wp, 0.1_wp, "order of the formula")
   end subroutine test_formula_order
 
   !> One step from t = 0.3: largest error of the dense output over it, estimate, error at its end.
@@ -127,7 +127,7 @@ contains
     end do
     estimate = error(1)
     end_error = abs(z_end(1) - exact(1))
-    call tally%near(sum(motion%dense(:, 1)), z_end(1), 50*epsilon(h), 'dense output at the end')
+    call tally%near(sum(motion%dense(:, 1)), z_end(1), 50*epsilon(h), "dense output at the end")
   end subroutine one_step
 
   !> Over one step the errors of formula and dense output fall as h**6 (fifth order), the estimate
@@ -137,13 +137,13 @@ contains
     call one_step(0.04_wp, dense(1), estimate(1), at_end(1))
     call one_step(0.02_wp, dense(2), estimate(2), at_end(2))
     slope = log([dense(1)/dense(2), at_end(1)/at_end(2), estimate(1)/estimate(2)])/log(2.0_wp)
-    print '(a, 3f7.3)', 'one step: orders of dense output, end, estimate ', slope
-    print '(a, 3es10.2)', 'at h = 0.02: errors dense, end, estimate ', dense(2), at_end(2), &
+    print "(a, 3f7.3)", "one step: orders of dense output, end, estimate ", slope
+    print "(a, 3es10.2)", "at h = 0.02: errors dense, end, estimate ", dense(2), at_end(2), &
         estimate(2)
-    call tally%near(slope(1), 6.0_wp, 0.4_wp, 'local order of the dense output')
-    call tally%near(slope(2), 6.0_wp, 0.4_wp, 'local order of the formula')
-    call tally%near(slope(3), 5.0_wp, 0.4_wp, 'order of the estimate')
-    call tally%below(dense(2), estimate(2), 'the estimate bounds the error of the step')
+    call tally%near(slope(1), 6.0_wp, 0.4_wp, "local order of the dense output")
+    call tally%near(slope(2), 6.0_wp, 0.4_wp, "local order of the formula")
+    call tally%near(slope(3), 5.0_wp, 0.4_wp, "order of the estimate")
+    call tally%below(dense(2), estimate(2), "the estimate bounds the error of the step")
   end subroutine test_local_orders
 
   !> A flight is a parabola: no error, and the estimate says so exactly.
@@ -158,8 +158,8 @@ contains
     call gear%open_frame(instant, frame, z)
     h = 0.7_wp
     call rk4_step(gear, frame, separation, h, z, motion, z_end, error)
-    call tally%below(maxval(error(1:2)), 0.0_wp, 'estimate in flight')
-    call tally%near(z_end(1), z(1) + h*z(2) + gear%force*h**2/2, 20*epsilon(h), 'flight')
+    call tally%below(maxval(error(1:2)), 0.0_wp, "estimate in flight")
+    call tally%near(z_end(1), z(1) + h*z(2) + gear%force*h**2/2, 20*epsilon(h), "flight")
   end subroutine test_exact_in_flight
 
   !> Both entries give the same bytes.
@@ -172,7 +172,7 @@ contains
     z(1:2) = swirl_exact(0.2_wp)
     call rk4_step(swirl, frame, separation, 0.137_wp, z, motion, z_end, error)
     call rk4_move(swirl, frame, separation, 0.137_wp, z, z_move)
-    call tally%is_true(same_bytes(z_end(1:2), z_move(1:2)), 'rk4_move ends as rk4_step')
+    call tally%is_true(same_bytes(z_end(1:2), z_move(1:2)), "rk4_move ends as rk4_step")
   end subroutine test_move_is_step
 
   !> `stages_by_dispatch` and the gear's own text: the same bytes, in every motion state, in steps
@@ -197,8 +197,8 @@ contains
       call rk4_step(gear, frame, motion_state, 0.9_wp*frame%stop, z, fast_motion, fast, error)
       call rk4_step(slow, frame, motion_state, 0.9_wp*frame%stop, z, slow_motion, by_dispatch, &
           error)
-      call tally%is_true(same_bytes(fast(1:2), by_dispatch(1:2)), 'dispatch: end of step')
-      call tally%is_true(all(fast_motion%dense == slow_motion%dense), 'dispatch: dense output')
+      call tally%is_true(same_bytes(fast(1:2), by_dispatch(1:2)), "dispatch: end of step")
+      call tally%is_true(all(fast_motion%dense == slow_motion%dense), "dispatch: dense output")
     end do
   end subroutine test_dispatch
 

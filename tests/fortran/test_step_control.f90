@@ -21,16 +21,16 @@ contains
   !> Largest error over size, in units of 1/256 of the tolerance.
   subroutine test_ratio()
     call tally%near(error_ratio([1.0e-3_wp, 3.0e-3_wp], [1.0_wp, 6.0_wp], 1.0e-2_wp), 25.6_wp, &
-        25.6_wp*rounding, 'error ratio')
-    call tally%near(error_ratio([0.0_wp], [1.0_wp], 1.0e-2_wp), 0.0_wp, 0.0_wp, 'no error')
+        25.6_wp*rounding, "error ratio")
+    call tally%near(error_ratio([0.0_wp], [1.0_wp], 1.0e-2_wp), 0.0_wp, 0.0_wp, "no error")
   end subroutine test_ratio
 
   !> 0.9 ratio**(-1/4), at least a tenth.
   subroutine test_rejected()
-    call tally%near(after_rejected(2.0_wp, 16.0_wp), 0.9_wp, rounding, 'after a rejection')
-    call tally%near(after_rejected(2.0_wp, 1.0e12_wp), 0.2_wp, rounding, 'least step')
+    call tally%near(after_rejected(2.0_wp, 16.0_wp), 0.9_wp, rounding, "after a rejection")
+    call tally%near(after_rejected(2.0_wp, 1.0e12_wp), 0.2_wp, rounding, "least step")
     call tally%below(after_rejected(1.0_wp, 1 + epsilon(1.0_wp)), 0.9_wp*(1 + rounding), &
-        'a rejected step gets shorter')
+        "a rejected step gets shorter")
   end subroutine test_rejected
 
   !> 0.9 ratio**(-2/16) previous**(1/16), between 0.1 and 5.
@@ -39,14 +39,14 @@ contains
     memory%ratio = 0.3_wp
     call after_accepted(memory, 2.0_wp, 0.25_wp, .false.)
     call tally%near(memory%step, 1.8_wp*0.25_wp**(-0.125_wp)*0.3_wp**0.0625_wp, &
-        4*rounding, 'after an accepted step')
-    call tally%near(memory%ratio, 0.25_wp, 0.0_wp, 'the ratio is remembered')
+        4*rounding, "after an accepted step")
+    call tally%near(memory%ratio, 0.25_wp, 0.0_wp, "the ratio is remembered")
     memory = step_memory_t()
     call after_accepted(memory, 1.0_wp, 0.0_wp, .false.)
-    call tally%is_true(memory%step > 1 .and. memory%step <= 5, 'an exact step grows, boundedly')
-    call tally%is_true(memory%ratio > 0, 'an exact step leaves a positive ratio')
+    call tally%is_true(memory%step > 1 .and. memory%step <= 5, "an exact step grows, boundedly")
+    call tally%is_true(memory%ratio > 0, "an exact step leaves a positive ratio")
     call after_accepted(memory, 1.0_wp, 1.0_wp, .false.)
-    call tally%is_true(memory%step >= 0.1_wp, 'the next one is not crushed by it')
+    call tally%is_true(memory%step >= 0.1_wp, "the next one is not crushed by it")
   end subroutine test_accepted
 
   !> A step cut by an event or knot never shortens the next, but may lengthen it.
@@ -55,13 +55,13 @@ contains
     memory%step = 1
     memory%ratio = 0.3_wp
     call after_accepted(memory, 1.0e-9_wp, 0.0_wp, .true.)
-    call tally%near(memory%step, 1.0_wp, 0.0_wp, 'a cut step does not shorten the next')
-    call tally%near(memory%ratio, 0.3_wp, 0.0_wp, 'a cut step is no experience')
+    call tally%near(memory%step, 1.0_wp, 0.0_wp, "a cut step does not shorten the next")
+    call tally%near(memory%ratio, 0.3_wp, 0.0_wp, "a cut step is no experience")
     call after_accepted(memory, 0.9_wp, 1.0e-3_wp, .true.)
-    call tally%is_true(memory%step > 1, 'a cut step that was too good lengthens the next')
+    call tally%is_true(memory%step > 1, "a cut step that was too good lengthens the next")
     memory = step_memory_t()
     call after_accepted(memory, 0.5_wp, 0.9_wp, .true.)
-    call tally%is_true(memory%step >= 0.5_wp, 'the first step of all, cut')
+    call tally%is_true(memory%step >= 0.5_wp, "the first step of all, cut")
   end subroutine test_cut_short
 
   !> With an error of exactly C h**5 the steps settle where the factor is 1: 0.9 r**(-2/16 + 1/16)
@@ -84,7 +84,7 @@ contains
       call after_accepted(memory, h, ratio, .false.)
       h = memory%step
     end do
-    call tally%near(ratio, fixed, 100*rounding, 'the ratio settles')
-    call tally%is_true(rejected <= 3, 'rejections at the start only')
+    call tally%near(ratio, fixed, 100*rounding, "the ratio settles")
+    call tally%is_true(rejected <= 3, "rejections at the start only")
   end subroutine test_closed_loop
 end program test_step_control

@@ -37,14 +37,14 @@ contains
     type(te_table_t) :: table
     real(wp) :: g, slope
     table = some_table([.true., .false., .false.], 0.0_wp)
-    call tally%equal(table%n, 3, 'pieces')
-    call tally%below(maxval(abs(table%knot - [0.0_wp, 0.5_wp, 1.0_wp, 2.0_wp])), 0.0_wp, 'knots')
+    call tally%equal(table%n, 3, "pieces")
+    call tally%below(maxval(abs(table%knot - [0.0_wp, 0.5_wp, 1.0_wp, 2.0_wp])), 0.0_wp, "knots")
     call tally%below(maxval(abs(table%coefficient(:, 1) &
-        - scale*[1.0_wp, 1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp, -1.0_wp])), 0.0_wp, 'coefficients')
+        - scale*[1.0_wp, 1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp, -1.0_wp])), 0.0_wp, "coefficients")
     ! First piece in t: 1 + t - t**2 + t**3 + t**4 - t**5 at 1/4, all times the scale.
     call flank_motion_at(table, 0.25_wp, 3, g, slope)
-    call tally%near(g, scale*1235.0_wp/1024, 0.0_wp, 'flank position')
-    call tally%near(slope, scale*187.0_wp/256, 0.0_wp, 'flank velocity')
+    call tally%near(g, scale*1235.0_wp/1024, 0.0_wp, "flank position")
+    call tally%near(slope, scale*187.0_wp/256, 0.0_wp, "flank velocity")
   end subroutine test_scaling
 
   !> The expansion about any t is the same polynomial: at most 6 terms of size below 8*scale, two
@@ -60,15 +60,15 @@ contains
       piece = locate_piece(table, t, 1)
       call expand_at(table, piece, t, local)
       call flank_motion_at(table, t, 1, g, slope)
-      call tally%near(local(0), g, rounding, 'expansion: value')
-      call tally%near(local(1), slope, rounding, 'expansion: slope')
+      call tally%near(local(0), g, rounding, "expansion: value")
+      call tally%near(local(1), slope, rounding, "expansion: slope")
       x = 0.6_wp*(table%knot(piece + 1) - t)
       call flank_motion_at(table, t + x, piece, g, slope)
-      call tally%near(horner(local, x), g, rounding, 'expansion: value further on')
-      call tally%near(horner_slope(local, x), slope, rounding, 'expansion: slope further on')
+      call tally%near(horner(local, x), g, rounding, "expansion: value further on")
+      call tally%near(horner_slope(local, x), slope, rounding, "expansion: slope further on")
     end do
     call expand_at(table, 2, 0.5_wp, local)
-    call tally%below(maxval(abs(local - table%coefficient(:, 2))), 0.0_wp, 'expansion at a knot')
+    call tally%below(maxval(abs(local - table%coefficient(:, 2))), 0.0_wp, "expansion at a knot")
   end subroutine test_expansion
 
   !> Slopes on both sides of each knot, by hand: in phase the pieces end with slopes
@@ -77,11 +77,11 @@ contains
     real(wp), parameter :: per_tau = scale/period
     type(te_table_t) :: table
     table = some_table([.true., .true., .false.], 0.0_wp)
-    call tally%near(table%slope_jump(1), per_tau*(2 + 0.59375_wp), 0.0_wp, 'jump at the wrap')
-    call tally%near(table%slope_jump(2), per_tau*(0.5_wp - 1.875_wp), 0.0_wp, 'jump at knot 2')
-    call tally%near(table%slope_jump(3), per_tau*(-3 - 1.2890625_wp), 0.0_wp, 'jump at knot 3')
-    call tally%near(table%slope_jump(4), table%slope_jump(1), 0.0_wp, 'the wrap is one knot')
-    call tally%is_true(table%kink(4) .and. table%kink(1) .and. .not. table%kink(3), 'kinks')
+    call tally%near(table%slope_jump(1), per_tau*(2 + 0.59375_wp), 0.0_wp, "jump at the wrap")
+    call tally%near(table%slope_jump(2), per_tau*(0.5_wp - 1.875_wp), 0.0_wp, "jump at knot 2")
+    call tally%near(table%slope_jump(3), per_tau*(-3 - 1.2890625_wp), 0.0_wp, "jump at knot 3")
+    call tally%near(table%slope_jump(4), table%slope_jump(1), 0.0_wp, "the wrap is one knot")
+    call tally%is_true(table%kink(4) .and. table%kink(1) .and. .not. table%kink(3), "kinks")
   end subroutine test_jumps
 
   !> Where steps must end: kinks, the end of the table, in contact also felt curvature jumps.
@@ -93,16 +93,16 @@ contains
     jump_2 = abs(scale)/period**2*4
     jump_3 = abs(scale)/period**2*1.625_wp
     table = some_table([.false., .false., .false.], 2*jump_2)
-    call tally%is_true(all(table%next_kink == 4), 'no kink: to the end')
-    call tally%is_true(all(table%next_felt == 4), 'nothing felt: to the end')
+    call tally%is_true(all(table%next_kink == 4), "no kink: to the end")
+    call tally%is_true(all(table%next_felt == 4), "nothing felt: to the end")
     table = some_table([.false., .false., .false.], 0.5_wp*(jump_2 + jump_3))
-    call tally%is_true(all(table%next_felt == [2, 4, 4]), 'the larger jump is felt')
-    call tally%is_true(all(table%next_kink == 4), 'a felt jump is no kink')
+    call tally%is_true(all(table%next_felt == [2, 4, 4]), "the larger jump is felt")
+    call tally%is_true(all(table%next_kink == 4), "a felt jump is no kink")
     table = some_table([.false., .false., .false.], 0.5_wp*jump_3)
-    call tally%is_true(all(table%next_felt == [2, 3, 4]), 'both jumps are felt')
+    call tally%is_true(all(table%next_felt == [2, 3, 4]), "both jumps are felt")
     table = some_table([.true., .false., .true.], 2*jump_2)
-    call tally%is_true(all(table%next_kink == [3, 3, 4]), 'to the kink')
-    call tally%is_true(all(table%next_felt == [3, 3, 4]), 'a kink is felt')
+    call tally%is_true(all(table%next_kink == [3, 3, 4]), "to the kink")
+    call tally%is_true(all(table%next_felt == [3, 3, 4]), "a kink is felt")
   end subroutine test_stops
 
   !> From every guess, at and next to every knot, and outside.
@@ -112,14 +112,14 @@ contains
     table = some_table([.false., .false., .false.], 0.0_wp)
     do guess = -1, 6
       do i = 1, 3
-        call tally%equal(locate_piece(table, table%knot(i), guess), i, 'at a knot')
+        call tally%equal(locate_piece(table, table%knot(i), guess), i, "at a knot")
         call tally%equal(locate_piece(table, nearest(table%knot(i + 1), -1.0_wp), guess), i, &
-            'just before a knot')
+            "just before a knot")
         call tally%equal(locate_piece(table, nearest(table%knot(i), 1.0_wp), guess), i, &
-            'just after a knot')
+            "just after a knot")
       end do
-      call tally%equal(locate_piece(table, period, guess), 3, 'at the end of the table')
-      call tally%equal(locate_piece(table, 1.1_wp*period, guess), 3, 'beyond the table')
+      call tally%equal(locate_piece(table, period, guess), 3, "at the end of the table")
+      call tally%equal(locate_piece(table, 1.1_wp*period, guess), 3, "beyond the table")
     end do
   end subroutine test_locate
 end program test_transmission_error

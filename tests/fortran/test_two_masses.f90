@@ -72,12 +72,12 @@ contains
     integer :: status, calls
     do calls = 1, 100000
       call advance(masses, numerics, state, segment, work, status)
-      call tally%equal(status, status_ok, 'advance: status')
+      call tally%equal(status, status_ok, "advance: status")
       if (segment%n_events == 0) cycle
       event = segment%events(1)
       if (event%kind == kind) return
     end do
-    call tally%is_true(.false., 'an event that never came')
+    call tally%is_true(.false., "an event that never came")
   end subroutine next_event
 
   !> Ten impacts against the closed form, for two tolerances. Between impacts the flow keeps energy,
@@ -115,11 +115,11 @@ contains
         worst = max(worst, abs(event%before - y(2)))
         y(1:2) = [0.0_wp, -eps*y(2)]
         worst = max(worst, maxval(abs(state%instant%y(1:4) - y)))
-        call tally%near(event%after, -eps*event%before, 0.0_wp, 'impact law')
+        call tally%near(event%after, -eps*event%before, 0.0_wp, "impact law")
       end do
-      print '(a, es8.1, a, es9.2, a, f8.0)', 'measured: two masses, rtol ', numerics%tolerance, &
-          ': off by ', worst, ', steps ', work%steps
-      call tally%below(worst, 100*work%steps*numerics%tolerance/256, 'two masses, ten impacts')
+      print "(a, es8.1, a, es9.2, a, f8.0)", "measured: two masses, rtol ", numerics%tolerance, &
+          ": off by ", worst, ", steps ", work%steps
+      call tally%below(worst, 100*work%steps*numerics%tolerance/256, "two masses, ten impacts")
     end do
   end subroutine test_modes
 
@@ -158,14 +158,14 @@ contains
           + 0.5_wp*masses%mass(1)*(event%before**2 - event%after**2)
       worst = max(worst, abs(before - left))
       left = energy(masses, state%instant%y)
-      call tally%near(state%instant%y(1), masses%wall(1), 0.0_wp, 'on the wall exactly')
+      call tally%near(state%instant%y(1), masses%wall(1), 0.0_wp, "on the wall exactly")
       call tally%near(left, before - 0.18_wp*masses%mass(1)*event%before**2, 20*epsilon(left), &
-          'energy lost at an impact')
+          "energy lost at an impact")
     end do
-    print '(a, es9.2, a, f8.0)', 'measured: energy off between impacts by ', worst, ', steps ', &
+    print "(a, es9.2, a, f8.0)", "measured: energy off between impacts by ", worst, ", steps ", &
         work%steps
     ! Energy per unit of a coordinate is at most 3 here.
-    call tally%below(worst, 3*work%steps*numerics%tolerance/256, 'energy between impacts')
+    call tally%below(worst, 3*work%steps*numerics%tolerance/256, "energy between impacts")
   end subroutine test_energy
 
   !> A wall that is a spring: engage and release instead of impacts, the energy stays.
@@ -188,14 +188,14 @@ contains
     do i = 1, 20
       call next_event(masses, numerics, state, work, event_engage, event)
       worst = max(worst, abs(energy(masses, state%instant%y) - initially))
-      call tally%equal(state%instant%motion_state, engagement, 'compliant: engaged')
+      call tally%equal(state%instant%motion_state, engagement, "compliant: engaged")
       call next_event(masses, numerics, state, work, event_release, event)
       worst = max(worst, abs(energy(masses, state%instant%y) - initially))
     end do
-    print '(a, es9.2, a, f8.0)', 'measured: energy with a compliant wall off by ', worst, &
-        ', steps ', work%steps
+    print "(a, es9.2, a, f8.0)", "measured: energy with a compliant wall off by ", worst, &
+        ", steps ", work%steps
     ! Energy per unit of a coordinate: wall_stiffness*penetration, at most 50*0.3.
-    call tally%below(worst, 15*work%steps*numerics%tolerance/256, 'energy with a compliant wall')
+    call tally%below(worst, 15*work%steps*numerics%tolerance/256, "energy with a compliant wall")
   end subroutine test_compliant
 
   !> While the chatter of the first mass is summed the second one goes on: over a duration L by
@@ -217,17 +217,17 @@ contains
     do calls = 1, 10000
       before = state
       call advance(masses, numerics, state, segment, work, status)
-      call tally%equal(status, status_ok, 'advance: status')
+      call tally%equal(status, status_ok, "advance: status")
       if (segment%n_events == 0) cycle
       if (segment%events(1)%kind == event_chatter_end) exit
     end do
-    call tally%is_true(calls < 10000, 'the chatter ends')
+    call tally%is_true(calls < 10000, "the chatter ends")
     associate (y => before%instant%y, length => segment%length)
-      call tally%is_true(length > 1.0e-9_wp, 'the end of the chatter takes time')
+      call tally%is_true(length > 1.0e-9_wp, "the end of the chatter takes time")
       call tally%near(state%instant%y(3), y(3) + length*y(4), 2*length**2 + 4*epsilon(length), &
-          'the other mass moves on while the chatter is summed')
+          "the other mass moves on while the chatter is summed")
       call tally%is_true(abs(length*y(4)) > 100*(2*length**2 + epsilon(length)), &
-          'which can be told from standing still')
+          "which can be told from standing still")
     end associate
   end subroutine test_chatter_end
 end program test_two_masses

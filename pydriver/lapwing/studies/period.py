@@ -55,7 +55,5 @@ def _remaining(difference, pairs, p):
         return last
     half = len(difference) // 2
     early, late = np.max(difference[:half]), np.max(difference[half:])
-    if late >= early:
-        return np.inf
     ratio = (late / early) ** (p / half)
-    return last / (1 - ratio)
+    return last / (1 - ratio) if ratio < 1 else np.inf

@@ -182,7 +182,8 @@ def _check_start(osc, start, phase):
     meant = None
     if state == MotionState.SEPARATION and not depth - slack <= phi <= 0:
         meant = f"separation lies between phi = {depth:.6g} and 0"
-    elif state == MotionState.ENGAGEMENT and (phi < 0 or osc.contact_law == "rigid" and phi > 0):
+    elif state == MotionState.ENGAGEMENT and (
+            phi < 0 or (osc.contact_law == "rigid" and phi > 0)):
         meant = "engagement means phi >= 0 (rigid: phi = 0)"
     elif state == MotionState.BACK_ENGAGEMENT and osc.gap == "one_flank":
         meant = "there is no coast flank (gap = 'one_flank')"
