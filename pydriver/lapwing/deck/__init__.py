@@ -1,0 +1,23 @@
+"""The deck: namelist text in, checked values and ready objects out."""
+
+from importlib import import_module
+
+_HOMES = {
+    "Deck": "deck", "Response": "deck", "Sweep": "deck",
+    "DeckError": "problems", "Problem": "problems",
+    "changed_keys": "used", "stored_hash": "used", "used_hash": "used", "used_text": "used",
+    "load_deck": "load",
+    "reference_page": "reference",
+    "template_text": "template",
+}
+__all__ = [*_HOMES]
+
+
+def __getattr__(name):
+    if name not in _HOMES:
+        raise AttributeError(f"module 'lapwing.deck' has no attribute {name!r}")
+    return getattr(import_module(f"lapwing.deck.{_HOMES[name]}"), name)
+
+
+def __dir__():
+    return sorted(__all__)

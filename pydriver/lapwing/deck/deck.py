@@ -1,0 +1,120 @@
+"""A checked deck: its values, and the objects of the driver made from them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from lapwing.gear_pair import GearPair
+
+
+@dataclass(frozen=True)
+class Response:
+    """One trajectory to examine.
+
+    Attributes
+    ----------
+    name : str
+    operation : dict, the keyword arguments of `GearPair.oscillator`
+    start : 'rest' or (motion state, φ rad, dφ/dτ rad), as `simulate` takes it
+    settle_cycles, record_cycles, samples_per_cycle : int
+    rtol : float
+    claim_impacts_per_cycle, claim_deepest_separation (rad), claim_text : what somebody else
+        reports, or None
+    """
+
+    name: str
+    operation: dict
+    start: str | tuple
+    settle_cycles: int
+    record_cycles: int
+    samples_per_cycle: int
+    rtol: float
+    claim_impacts_per_cycle: float | None = None
+    claim_deepest_separation: float | None = None
+    claim_text: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """One parameter over a range.
+
+    Attributes
+    ----------
+    name : str
+    parameter : str, the bare key
+    group : 'gear_pair' or 'operation', where the parameter belongs
+    values : array (n,), ascending, without repeats
+    operation : dict, the keyword arguments of `GearPair.oscillator` but for the parameter
+    starts : tuple of 'rest', 'up', 'down'
+    settle_cycles, record_cycles : int
+    impacts : bool, whether every impact is kept
+    rtol : float
+    """
+
+    name: str
+    parameter: str
+    group: str
+    values: np.ndarray
+    operation: dict
+    starts: tuple
+    settle_cycles: int
+    record_cycles: int
+    impacts: bool
+    rtol: float
+
+
+@dataclass(eq=False)
+class Deck:
+    """Everything a run needs, checked.
+
+    Attributes
+    ----------
+    path : Path
+    stem : str, the file name without its ending
+    text : str, the deck as read
+    overrides : tuple of (key, value text)
+    warnings : tuple of Problem
+    settings : dict, group name -> validated keys (a list of them for &response and &sweep)
+    te_table : Table, the transmission error as given
+    gear_pair : GearPair
+    operation : dict, the keyword arguments of `GearPair.oscillator` (scene and te_sign included)
+        that &operation gives; may lack brake_torque where every study sets its own
+    numerics : dict, the keys of &numerics; rtol is None where each study takes its default
+    responses : tuple of Response
+    sweeps : tuple of Sweep
+    """
+
+    path: Path
+    text: str
+    overrides: tuple
+    warnings: tuple
+    settings: dict
+    te_table: object
+    gear_pair: GearPair
+    operation: dict
+    numerics: dict
+    responses: tuple = field(default=())
+    sweeps: tuple = field(default=())
+
+    @property
+    def stem(self):
+        """File name without its ending."""
+        return self.path.stem
+
+    @cached_property
+    def te(self):
+        """The `TransmissionError`, built (and SciPy imported) at the first use."""
+        return self.te_table.build()
+
+    def numerics_of(self, study):
+        """Keyword arguments rtol … max_steps_per_cycle that `simulate` and `sweep` share."""
+        names = ("chatter_tol", "count_depth", "max_events_per_cycle", "max_steps_per_cycle")
+        return {"rtol": study.rtol, **{name: self.numerics[name] for name in names}}
+
+    def oscillator(self, response):
+        """The `Oscillator` of a response."""
+        return self.gear_pair.oscillator(self.te, **response.operation)

@@ -1,0 +1,265 @@
+"""Read a deck: syntax, schema, cross checks; every problem is found before any is raised."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from lapwing.deck import checks, schema
+from lapwing.deck.parser import Entry, Group, lex_value, parse, read_text
+from lapwing.deck.problems import DeckError, Place, Report, nearest
+from lapwing.deck.values import Bare, Value, decimal_comma, read_values, suspicious_pairs
+
+# Tokens that no value consists of.
+_NO_VALUE = ("OPEN", "CLOSE", "KEY", "EQUALS", "HASH")
+
+
+def load_deck(path, overrides=()):
+    """Read and check a deck.
+
+    Parameters
+    ----------
+    path : str or Path
+    overrides : sequence of (key, value text), such as ("operation.brake_torque", "2"); keys of
+        &response and &sweep are named response.NAME.key and sweep.NAME.key
+
+    Returns
+    -------
+    Deck
+
+    Raises
+    ------
+    DeckError
+        with every problem of the deck, of the overrides and of the file of the transmission error.
+    """
+    report = Report()
+    text = read_text(path, report)
+    if text is None:
+        raise DeckError(report.errors)
+    groups = _known_groups(parse(text, str(path), report), report)
+    for name, value in overrides:
+        _override(groups, name, value, report)
+    read = [_GroupReader(group, report) for group in groups]
+    deck = checks.assemble(Path(path), text, tuple(map(tuple, overrides)), read, report)
+    if report.errors:
+        raise DeckError(report.errors)
+    return deck
+
+
+def _known_groups(groups, report):
+    """Groups the schema knows, a model group once."""
+    known, seen = [], {}
+    for group in groups:
+        if group.name not in schema.GROUPS:
+            report.add(group.place,
+                       f"unknown group &{group.name}; {nearest(group.name, schema.GROUPS)}")
+        elif group.name in seen and group.name not in schema.STUDIES:
+            report.add(group.place, f"&{group.name} is given twice (first on line "
+                                    f"{seen[group.name]}); one is meant")
+        else:
+            seen.setdefault(group.name, group.place.line)
+            known.append(group)
+    return known
+
+
+def _override(groups, name, value, report):
+    """Put one override into its group."""
+    source = f"--set {name}={value}"
+    source = source if source.isprintable() else ascii(source)
+    place = Place(source)
+    group_name, _, rest = name.strip().lower().partition(".")
+    study, _, key = rest.rpartition(".")
+    if group_name not in schema.GROUPS or not key:
+        report.add(place, "meant is group.key, or response.NAME.key; "
+                          + nearest(group_name, schema.GROUPS))
+        return
+    group = _overridden(groups, group_name, study, place, report)
+    if group is None:
+        return
+    if key in group.entries and group.entries[key].override is not None:
+        report.add(place, f"{name} is given twice on the command line")
+        return
+    words = lex_value(value, source)
+    if not value.isprintable() or any(word.kind in _NO_VALUE for word in words):
+        report.add(place, f"{value!r} is no value")
+        return
+    group.entries[key] = Entry(key, place, words, override=value)
+
+
+def _overridden(groups, name, study, place, report):
+    """The group that an override means; a model group is made where the deck has none."""
+    candidates = [group for group in groups if group.name == name]
+    if name not in schema.STUDIES:
+        if study:
+            report.add(place, f"&{name} is no study; meant is {name}.key")
+            return None
+        if not candidates:
+            candidates = [Group(name, place)]
+            groups.append(candidates[0])
+        return candidates[0]
+    named = {_name_of(group): group for group in candidates}
+    if study in named or (not study and len(candidates) == 1):
+        return named.get(study, candidates[0])
+    report.add(place, f"which &{name} is meant? {name}.NAME.key with one of "
+                      + (", ".join(filter(None, named)) or "none in this deck"))
+    return None
+
+
+def _name_of(group):
+    entry = group.entries.get("name")
+    return entry.words[0].text[1:-1].lower() if entry and entry.words else ""
+
+
+class _GroupReader:
+    """One group against its schema.
+
+    Attributes
+    ----------
+    name : str
+    place : Place
+    places : dict, key -> Place of its value (of each value in `item_places`)
+    overridden : dict, key -> override text
+    keys : model instance of the schema, or None where something is refused
+    """
+
+    def __init__(self, group, report):
+        self.name, self.place = group.name, group.place
+        self.places, self.key_places, self.overridden = {}, {}, {}
+        self._report, self._values = report, {}
+        model = schema.GROUPS[group.name]
+        self._fields = schema.fields(model)
+        self._types = {key: schema.KeyType(field) for key, field in self._fields.items()}
+        known = len(report.errors)
+        raw = {key: value for entry in group.entries.values()
+               for key, value in self._read(entry)}
+        self._check_exclusive(model)
+        self.keys = self._validate(model, raw)
+        if len(report.errors) > known:
+            self.keys = None
+
+    def _read(self, entry):
+        """At most one (key, raw value) for the schema."""
+        self.key_places[entry.key] = self.places[entry.key] = entry.place
+        if entry.override is not None:
+            self.overridden[entry.key] = entry.override
+        if entry.key not in self._fields:
+            homes = [name for name, group in schema.GROUPS.items()
+                     if entry.key in schema.fields(group)]
+            hint = f"it belongs to &{homes[0]}" if homes else nearest(entry.key, self._fields)
+            self._report.add(entry.place, f"unknown key {entry.key[:60]} in &{self.name}; {hint}")
+            return
+        values = read_values(entry, self._report)
+        if values is None:
+            return
+        kind = self._types[entry.key]
+        if entry.override is not None:
+            values = [_quoted(value, kind) for value in values]
+        self.places[entry.key] = values[0].place
+        self._values[entry.key] = values
+        if kind.is_list:
+            self._warn_of_commas(entry.key, values, kind)
+            yield entry.key, [value.value for value in values]
+        elif len(values) == 1:
+            yield entry.key, values[0].value
+        else:
+            self._refuse_several(entry.key, values, kind)
+
+    def _refuse_several(self, key, values, kind):
+        source = ", ".join(value.text for value in values[:4])
+        text = f"{key} = {source}: {kind.meant} is meant"
+        comma = decimal_comma(values) if len(values) == 2 and kind.kind is float else None
+        if comma:
+            text = f"{key} = {values[0].text},{values[1].text}: decimal comma; write {comma}"
+        elif isinstance(values[1].value, Bare) and kind.kind in (float, int):
+            text = (f"{key} = {values[0].text} {values[1].text}: text after a number; the unit is "
+                    f"fixed ({kind.unit or 'none'}), write {values[0].text} alone")
+            self._report.add(values[0].place if comma else values[1].place, text)
+            return
+        else:
+            text += ", not several values"
+        self._report.add(values[0].place, text)
+
+    def _warn_of_commas(self, key, values, kind):
+        if kind.kind is not float:
+            return
+        for first, second in suspicious_pairs(values):
+            self._report.add(first.place, f"{key}: {first.text},{second.text} is read as the two "
+                             f"numbers {first.text} and {second.text}; if a decimal comma was "
+                             f"meant, write {first.text}.{second.text}", warning=True)
+
+    def _check_exclusive(self, model):
+        for names in model.exclusive:
+            given = [key for key in names if key in self.places]
+            if len(given) > 1:
+                last = max(given, key=lambda key: (self.key_places[key].line == 0,
+                                                   self.key_places[key].line,
+                                                   self.key_places[key].column))
+                both = "both" if len(given) == 2 else "all"
+                self._report.add(self.key_places[last],
+                                 f"{' and '.join(given)} are {both} given; one of "
+                                 f"{', '.join(names)} is meant")
+            elif not given and model.needed:
+                self._report.add(self.place, f"&{self.name} lacks one of {', '.join(names)}")
+
+    def _validate(self, model, raw):
+        try:
+            return model.model_validate(raw)
+        except ValidationError as error:
+            for item in error.errors(include_url=False, include_context=False,
+                                     include_input=False):
+                self._translate(item)
+            return None
+
+    def _translate(self, item):
+        """One refusal of the schema in the deck's words, at the value refused."""
+        key = item["loc"][0]
+        if item["type"] == "missing":
+            if key not in self.places:
+                kind = self._types[key]
+                self._report.add(self.place, f"&{self.name} lacks {key}, {kind.meant} "
+                                             f"({self._fields[key].description.split(';')[0]})")
+            return
+        values = self._values[key]
+        kind = self._types[key]
+        if item["type"] in ("too_long", "too_short"):
+            self._report.add(values[0].place, f"{key} has {len(values)} values; at most "
+                                              f"{self._longest(key)} are meant")
+            return
+        index = item["loc"][1] if len(item["loc"]) > 1 else 0
+        value = values[index]
+        remark = value.remark or _remark(value, kind, self._fields[key])
+        self._report.add(value.place, f"{key} = {value.text[:60]}, {kind.meant} is meant"
+                                      + f"; {remark}" * bool(remark))
+
+    def _longest(self, key):
+        return next(n.max_length for n in self._fields[key].metadata if hasattr(n, "max_length"))
+
+
+def _quoted(value, kind):
+    """An override may leave out the quotes, which a shell takes away."""
+    if kind.kind is str and not isinstance(value.value, str) and value.remark.find("quote") < 0:
+        return Value(value.text, repr(value.text), value.place, value.start, value.end)
+    return value
+
+
+def _remark(value, kind, field):
+    """A guess at what was meant."""
+    if kind.kind is str and isinstance(value.value, Bare | bool):
+        return f"text goes in quotes: '{value.text}'"
+    if kind.choices and isinstance(value.value, str):
+        guess = nearest(value.value, kind.choices)
+        return guess if guess.endswith("?") else ""
+    if kind.kind in (int, float) and isinstance(value.value, str):
+        return "a number stands without quotes"
+    if kind.kind is str and isinstance(value.value, str):
+        return _text_limits(field)
+    return ""
+
+
+def _text_limits(field):
+    """What a text must be besides text."""
+    limits = {"pattern": "letters, digits, . _ - only", "max_length": "at most {} characters",
+              "min_length": "not empty"}
+    return ", ".join(words.format(getattr(item, name)) for name, words in limits.items()
+                     for item in field.metadata if getattr(item, name, None))

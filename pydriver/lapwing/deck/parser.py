@@ -1,0 +1,161 @@
+"""Namelist text to groups of keys and words, each with its line and column."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+from lapwing.deck.problems import Place
+
+_BYTE_ORDER_MARKS = ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
+
+
+@dataclass(frozen=True)
+class Word:
+    """One token: its kind in the grammar, its text, its place and extent in the text."""
+
+    kind: str
+    text: str
+    place: Place
+    start: int
+    end: int
+
+
+@dataclass
+class Entry:
+    """`key = words`."""
+
+    key: str
+    place: Place
+    words: list[Word]
+    override: str | None = None
+
+
+@dataclass
+class Group:
+    """`&name … /` with its entries by lower-case key."""
+
+    name: str
+    place: Place
+    entries: dict[str, Entry] = field(default_factory=dict)
+
+
+@cache
+def _parser():
+    from lark import Lark
+
+    grammar = Path(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
+    return Lark(grammar, parser="lalr", lexer="basic", maybe_placeholders=False)
+
+
+def read_text(path, report):
+    """Text of a deck file, lines ended by newlines, no byte-order mark; None where it has none."""
+    try:
+        if not Path(path).is_file():
+            raise FileNotFoundError(2, "no such file")
+        data = Path(path).read_bytes()
+    except (OSError, ValueError) as error:
+        report.add(Place(str(path)), f"cannot be read: {getattr(error, 'strerror', error)}")
+        return None
+    encoding = next((name for mark, name in _BYTE_ORDER_MARKS if data.startswith(mark)), "utf-8")
+    try:
+        text = data.decode(encoding)
+    except UnicodeDecodeError as error:
+        before = data[:error.start].decode("latin-1")
+        place = Place(str(path), before.count("\n") + 1, len(before) - before.rfind("\n"))
+        report.add(place, f"not {encoding.upper()} text (byte 0x{data[error.start]:02x}); "
+                          "save the file as UTF-8")
+        return None
+    return text.lstrip("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
+
+
+def parse(text, file, report):
+    """Groups of a deck in order; syntax problems go to `report`."""
+    groups, origin = [], Place(file)
+    tree = _parser().parse(text)
+    for child in tree.children:
+        if child.data == "group":
+            groups.append(_group(child, file, report))
+    _outside(tree, file, report, bool(groups))
+    for group, following in zip(groups, [*groups, None][1:], strict=True):
+        if not group[1]:
+            where = f"before &{following[0].name} on line {following[0].place.line}" \
+                if following else "at the end"
+            report.add(group[0].place, f"&{group[0].name} is not closed; a / is meant {where}")
+    if not groups:
+        report.add(origin, "holds no group; &gear_pair is meant to come first")
+    return [group for group, _ in groups]
+
+
+def lex_value(text, file):
+    """Words of a value given outside a file, all at the place of the override itself."""
+    return [Word(token.type, str(token), Place(file), token.start_pos, token.end_pos)
+            for token in _parser().lex(text.replace("\r", "\n"))]
+
+
+def _word(token, file):
+    place = Place(file, token.line, token.column)
+    return Word(token.type, str(token), place, token.start_pos, token.end_pos)
+
+
+def _group(tree, file, report):
+    """A group and whether it was closed."""
+    head = _word(tree.children[0], file)
+    name = _lower(head.text[1:].strip())
+    if not re.fullmatch(r"&\w+", head.text):
+        report.add(head.place, f"{head.text.strip()}: a group begins with & and its name, as in "
+                               "&gear_pair")
+    group, closed = Group(name, head.place), False
+    for child in tree.children[1:]:
+        if not hasattr(child, "data"):
+            closed = True
+        elif child.data == "entry":
+            _entry(child, group, file, report)
+        elif child.data == "stray":
+            word = _word(child.children[0], file)
+            _refuse_hash(word, report) or report.add(
+                word.place, f"{_short(word.text)} is no `key = value`")
+    _outside(tree, file, report, True)
+    return group, closed
+
+
+def _entry(tree, group, file, report):
+    words = [_word(token, file) for token in [tree.children[0]]]
+    words += [_word(item.children[0], file) for item in tree.children[2:]]
+    key, *words = words
+    name = _lower(key.text)
+    words = [word for word in words if not _refuse_hash(word, report)]
+    if name in group.entries:
+        first = group.entries[name].place.line
+        report.add(key.place, f"{name} is given twice in &{group.name} (first on line {first})")
+        return
+    group.entries[name] = Entry(name, key.place, words)
+
+
+def _outside(tree, file, report, after_group):
+    """Report each run of text between groups once."""
+    words = [_word(child.children[0], file) for child in tree.children
+             if getattr(child, "data", "") == "outside"]
+    words = [word for word in words if not _refuse_hash(word, report)]
+    if words:
+        hint = "; the / before it has closed the group" if after_group and tree.data == "group" \
+            else "; a group such as &gear_pair is meant to come first"
+        report.add(words[0].place, f"{_short(words[0].text)} stands outside any group{hint}")
+
+
+def _refuse_hash(word, report):
+    """Whether a word is a `#` comment; reports it."""
+    if word.kind == "HASH":
+        report.add(word.place, "# begins no comment in a deck; ! does")
+    return word.kind == "HASH"
+
+
+def _lower(name):
+    """Lower case of a name; letters beyond ASCII stay, as some have an ASCII letter below."""
+    return name.lower() if name.isascii() else name
+
+
+def _short(text):
+    return text if len(text) <= 40 else text[:37] + "..."

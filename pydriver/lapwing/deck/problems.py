@@ -1,0 +1,86 @@
+"""What is wrong with a deck, and where."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Place:
+    """A position in a source: a file, or an override from the command line (line 0)."""
+
+    file: str
+    line: int = 0
+    column: int = 0
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One refusal or warning.
+
+    Attributes
+    ----------
+    file : str, the file as it was named, or `--set key=value`
+    line, column : int, from 1; 0 where the whole file, line or override is meant
+    text : str, what is wrong and what was meant
+    warning : bool, True where the deck is accepted all the same
+    """
+
+    file: str
+    line: int
+    column: int
+    text: str
+    warning: bool = False
+
+    def __str__(self):
+        numbers = [str(n) for n in (self.line, self.column) if n]
+        return ":".join([self.file, *numbers]) + f": {'warning: ' * self.warning}{self.text}"
+
+
+class DeckError(ValueError):
+    """Every problem of one deck at once.
+
+    Attributes
+    ----------
+    problems : tuple of Problem, in the order of the deck
+    """
+
+    def __init__(self, problems):
+        self.problems = tuple(problems)
+        super().__init__("\n".join(map(str, self.problems)))
+
+
+class Report:
+    """Collects problems; the same one is kept once."""
+
+    def __init__(self):
+        self._found = {}
+
+    def add(self, place, text, warning=False):
+        """Note a problem at a `Place`."""
+        self._found[Problem(place.file, place.line, place.column, text, warning)] = None
+
+    @property
+    def errors(self):
+        """What makes the deck refused, in order of file and position."""
+        return _ordered(p for p in self._found if not p.warning)
+
+    @property
+    def warnings(self):
+        """What the user must know although the deck is accepted."""
+        return _ordered(p for p in self._found if p.warning)
+
+
+def _ordered(problems):
+    problems = list(problems)
+    files = list(dict.fromkeys(p.file for p in problems))
+    return tuple(sorted(problems, key=lambda p: (files.index(p.file), p.line, p.column)))
+
+
+def nearest(name, known):
+    """`; is 'x' meant?` for the most similar known name, else all of them."""
+    guess = difflib.get_close_matches(name.lower(), known, 1, cutoff=0.6)
+    if guess:
+        return f"is {guess[0]!r} meant?"
+    return "known are " + ", ".join(known)

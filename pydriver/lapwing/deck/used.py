@@ -1,0 +1,166 @@
+"""What a run really used: the deck written out in full, its hash, and how two decks differ."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+from pathlib import Path
+
+from lapwing.deck import schema
+
+_HASH = re.compile(r"^! hash ([0-9a-f]{64})$", re.MULTILINE)
+
+
+def used_text(deck, folder=None):
+    """Every value a deck leads to, as a deck that reads back to the same values.
+
+    Parameters
+    ----------
+    deck : Deck
+    folder : str or Path or None
+        where the text will be stored; the file of the transmission error is then named relative to
+        it, else by its absolute path
+
+    Returns
+    -------
+    str; defaults are marked `! default`, overrides `! --set`; version and hash stand at the top
+    """
+    from lapwing import __version__
+
+    lines = [f"! Every value used by {deck.path.name}; those it does not give are marked default.",
+             f"! lapwing {__version__}", f"! hash {used_hash(deck)}",
+             f"! transmission error {deck.te_table.digest}"]
+    lines += [f"! --set {name}={value}" for name, value in deck.overrides]
+    for group, keys, values in _groups(deck):
+        lines += ["", f"&{group}"]
+        for name, field in schema.fields(schema.GROUPS[group]).items():
+            lines += _line(deck, group, keys, name, field, values.get(name), folder)
+        lines.append("/")
+    return "\n".join(lines) + "\n"
+
+
+def used_hash(deck):
+    """SHA-256 (hex) of the values used: order, comments and spelling do not enter.
+
+    The transmission error enters by its numbers, not by the place of its file.
+    """
+    text = json.dumps(canonical(deck), sort_keys=True, ensure_ascii=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def stored_hash(text):
+    """Hash that a `used_text` states, or None."""
+    found = _HASH.search(text)
+    return found[1] if found else None
+
+
+def changed_keys(old, new):
+    """How two decks differ, one line per key: `operation.brake_torque: 1.0 -> 2.0`."""
+    old, new = canonical(old), canonical(new)
+    lines = []
+    for group in dict.fromkeys([*old, *new]):
+        before, after = old.get(group, {}), new.get(group, {})
+        if not before or not after:
+            lines.append(f"{group}: {'added' if after else 'removed'}")
+            continue
+        for key in dict.fromkeys([*before, *after]):
+            values = [side.get(key, "not given") for side in (before, after)]
+            if values[0] != values[1]:
+                lines.append(f"{group}.{key}: {_brief(values[0])} -> {_brief(values[1])}")
+    return tuple(lines)
+
+
+def canonical(deck):
+    """Values used as plain numbers and texts, by group (studies: group.name) and key."""
+    result = {}
+    for group, keys, values in _groups(deck):
+        values = {name: _plain(value, schema.KeyType(schema.fields(type(keys))[name]))
+                  for name, value in values.items() if value is not None}
+        if group == "numerics":  # each study has its own
+            values.pop("rtol", None)
+        elif group == "transmission_error":
+            values = {"table": deck.te_table.digest, "te_sign": values["te_sign"]}
+        elif group == "sweep":
+            study = next(s for s in deck.sweeps if s.name == keys.name)
+            values = {k: v for k, v in values.items() if k not in ("from", "to", "count",
+                                                                   "spacing")}
+            values |= {"values": study.values.tolist(), "starts": list(study.starts),
+                       "parameter": study.parameter}
+        name = f"{group}.{keys.name}" if group in schema.STUDIES else group
+        result[name] = values
+    return dict(sorted(result.items()))
+
+
+def _groups(deck):
+    """(group, keys as given, value of each key as used) in the order of the schema."""
+    for group in schema.GROUPS:
+        given = deck.settings[group]
+        built = {"response": deck.responses, "sweep": deck.sweeps}.get(group, [None])
+        for keys, study in zip(given if group in schema.STUDIES else [given], built, strict=True):
+            yield group, keys, _used(deck, group, keys, study)
+
+
+def _used(deck, group, keys, study):
+    """Key -> value as used, None where a key has none."""
+    values = keys.model_dump(by_alias=True)
+    if group in schema.STUDIES:
+        values["rtol"] = study.rtol
+    if group == "response" and keys.start != "rest":
+        values["start_phi_dot"] = study.start[2]
+    if group == "sweep" and keys.values is not None:
+        values["spacing"] = None
+    if group == "transmission_error" and keys.harmonic_amplitude is not None:
+        values |= {"harmonic_shift": deck.te_table.keys["harmonic_shift"],
+                   "harmonic_order": [int(n) for n in deck.te_table.keys["harmonic_order"]]}
+    return values
+
+
+def _line(deck, group, keys, name, field, value, folder):
+    """The line of one key: commented out where it has no value."""
+    if value is None:
+        left_out = (field.description or "").partition("left out: ")[2]
+        if not left_out or group in schema.STUDIES:
+            return []
+        return [f"  ! {name}: left out, {left_out}"]
+    kind = schema.KeyType(field)
+    if group == "transmission_error" and name == "file":
+        path = Path(deck.te_table.keys["file"]).absolute()
+        value = os.path.relpath(path, Path(folder).absolute()) if folder else str(path)
+    if _overridden(deck, group, keys, name):
+        mark = "  ! --set"
+    else:
+        inner = "from_" if name == "from" else name
+        mark = "" if inner in keys.model_fields_set else "  ! default"
+    return [f"  {name} = {spell(value, kind)}{mark}"]
+
+
+def _overridden(deck, group, keys, name):
+    named = [f"{group}.{name}"]
+    if group in schema.STUDIES:
+        named.append(f"{group}.{keys.name}.{name}".lower())
+    return any(key.strip().lower() in named for key, _ in deck.overrides)
+
+
+def spell(value, kind):
+    """A value as a deck spells it; numbers read back to the same bits."""
+    if isinstance(value, list | tuple):
+        return ", ".join(spell(one, kind) for one in value)
+    if kind.kind is bool:
+        return ".true." if value else ".false."
+    if kind.kind is str:
+        return "'" + str(value).replace("'", "''") + "'"
+    return repr(_plain(value, kind))
+
+
+def _plain(value, kind):
+    """A number as the kind of its key, whatever way it was written; -0.0 is 0.0."""
+    if isinstance(value, list | tuple):
+        return [_plain(one, kind) for one in value]
+    return float(value) + 0.0 if kind.kind is float else value
+
+
+def _brief(value):
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

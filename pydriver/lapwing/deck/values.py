@@ -1,0 +1,148 @@
+"""Words of an entry to numbers, logicals and text, with a remark on what looks mistaken."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+from lapwing.deck.problems import Place
+
+# A list longer than this is a slip of the keyboard in a repeat count.
+MAX_LIST = 100_000
+
+_INTEGER = re.compile(r"[+-]?[0-9]+")
+_REAL = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[ed][+-]?[0-9]+)?", re.IGNORECASE)
+_REPEAT = re.compile(r"([0-9]+)\*(.*)", re.DOTALL)
+_LOGICAL = re.compile(r"\.?(?:(t|true)|(f|false))\.?", re.IGNORECASE)
+_NOT_FINITE = re.compile(r"[+-]?(?:nan(?:\(.*\))?|inf(?:inity)?)", re.IGNORECASE)
+_DIGITS = re.compile(r"[0-9]+(?:[ed][+-]?[0-9]+)?", re.IGNORECASE)
+
+
+class Bare:
+    """A word that is no value; no key accepts it."""
+
+
+@dataclass(frozen=True)
+class Value:
+    """One value with its source text, place and a remark that explains a refusal."""
+
+    value: object
+    text: str
+    place: Place
+    start: int
+    end: int
+    remark: str = ""
+    glued: bool = False  # a comma and nothing else stands between this value and the one before
+
+
+def read_values(entry, report):
+    """Values of an entry, repeat counts written out; None where the syntax is refused already."""
+    values, after_comma, comma_at = [], True, None
+    words = iter(_joined(entry.words))
+    for word in words:
+        if word.kind == "COMMA":
+            if after_comma:
+                report.add(word.place, f"{entry.key}: a value is missing before the comma")
+                return None
+            after_comma, comma_at = True, word
+            continue
+        glued = comma_at is not None and values and values[-1].end == comma_at.start \
+            and comma_at.end == word.start
+        new = _read(word, bool(glued))
+        if new is None or len(values) + new[0] > MAX_LIST:
+            report.add(word.place, f"{entry.key}: a repeat count from 1 to {MAX_LIST} and a value "
+                                   f"are meant, not {word.text[:40]}")
+            return None
+        values += new[0] * [new[1]]
+        after_comma, comma_at = False, None
+    if not values:
+        report.add(entry.place, f"{entry.key} has no value")
+        return None
+    return values
+
+
+def _joined(words):
+    """Words, with `3*` and the quoted text that touches it made one."""
+    result = []
+    for word in words:
+        last = result[-1] if result else None
+        if last and word.kind == "STRING" and last.kind == "WORD" and last.end == word.start \
+                and re.fullmatch(r"[0-9]+\*", last.text):
+            result[-1] = type(word)("REPEATED", last.text + word.text, last.place, last.start,
+                                    word.end)
+        else:
+            result.append(word)
+    return result
+
+
+def _read(word, glued):
+    """(repeat count, Value) of a word, None where the count is not usable."""
+    count, text = 1, word.text
+    repeat = _REPEAT.fullmatch(text) if word.kind in ("WORD", "REPEATED") else None
+    if repeat:
+        digits, text = repeat.groups()
+        count = int(digits) if len(digits) < 10 else 0
+        if not 1 <= count <= MAX_LIST or not text:
+            return None
+    value, remark = _convert(text, word.kind)
+    return count, Value(value, text, word.place, word.start, word.end, remark, glued)
+
+
+def _convert(text, kind):
+    """Python value and remark of one word."""
+    if kind in ("STRING", "REPEATED"):
+        quote = text[0]
+        return text[1:-1].replace(2 * quote, quote), ""
+    if kind == "UNCLOSED":
+        return Bare(), "the closing quote is missing on this line"
+    if kind != "WORD":
+        return Bare(), f"{text} has no place here"
+    if _REAL.fullmatch(text):
+        return _number(text)
+    logical = _LOGICAL.fullmatch(text)
+    if logical:
+        return logical[1] is not None, ""
+    return Bare(), _remark(text)
+
+
+def _number(text):
+    """Integer or real; what double precision cannot hold is refused, not rounded away."""
+    if _INTEGER.fullmatch(text) and len(text) <= 18:
+        return int(text), ""
+    number = float(text.lower().replace("d", "e"))
+    if math.isinf(number):
+        return Bare(), "too large for double precision"
+    mantissa = re.split("[ed]", text.lower())[0]
+    if number == 0 and re.search("[1-9]", mantissa):
+        return Bare(), "too small for double precision"
+    return number, ""
+
+
+def _remark(text):
+    """Why a word is no number, as far as can be guessed."""
+    if _NOT_FINITE.fullmatch(text):
+        return "NaN and infinity are refused"
+    if "\u2212" in text:
+        return "the minus sign is not the one of the keyboard"
+    number = _REAL.match(text)
+    if number:
+        return f"text after a number; write {number[0]} alone, the unit is fixed"
+    return ""
+
+
+def decimal_comma(values):
+    """`0.5` where two values read like 0,5 (whole number, comma, digits; no blank), else None."""
+    first, second = values
+    if second.glued and _INTEGER.fullmatch(first.text) and _DIGITS.fullmatch(second.text):
+        return f"{first.text}.{second.text}"
+    return None
+
+
+def suspicious_pairs(values):
+    """Pairs in a list that may be decimal commas: glued to each other, to no third value."""
+    for i in range(1, len(values)):
+        alone = not values[i - 1].glued and not (i + 1 < len(values) and values[i + 1].glued)
+        pair = values[i - 1:i + 1]
+        if alone and values[i].text[:1].isdigit() and decimal_comma(pair):
+            yield pair

@@ -1,0 +1,126 @@
+"""Accepted decks: what they mean, also according to f90nml."""
+
+from pathlib import Path
+
+import f90nml
+import numpy as np
+import pytest
+
+from lapwing import GearPair
+from lapwing.deck import load_deck
+from lapwing.deck.schema import GROUPS, STUDIES
+
+HERE = Path(__file__).parent
+INPUTS = HERE.parents[1] / "inputs"
+DECKS = [*sorted((HERE / "accepted").glob("*.nml")), *sorted(INPUTS.glob("*.nml"))]
+PLAIN = HERE / "accepted" / "plain.nml"
+
+
+@pytest.mark.parametrize("path", DECKS, ids=lambda path: path.stem)
+def test_f90nml_reads_the_same(path):
+    deck = load_deck(path)
+    oracle = f90nml.reads(path.read_text(encoding="utf-8-sig"))
+    for group in GROUPS:
+        theirs = oracle.get(group, [] if group in STUDIES else {})
+        ours = deck.settings[group]
+        if group not in STUDIES:
+            ours, theirs = [ours], [theirs]
+        elif not isinstance(theirs, list):
+            theirs = [theirs]
+        assert len(ours) == len(theirs)
+        for mine, other in zip(ours, theirs, strict=True):
+            given = mine.model_dump(by_alias=True, exclude_unset=True)
+            assert given.keys() == other.keys()
+            for key, value in given.items():
+                expected = other[key]
+                if isinstance(value, list) and not isinstance(expected, list):
+                    expected = [expected]
+                assert value == expected, key
+
+
+def test_ready_objects():
+    deck = load_deck(INPUTS / "lapping_25x32.nml")
+    assert deck.stem == "lapping_25x32"
+    assert deck.gear_pair == GearPair(25, 32, 0.0078, 0.026, 0.034, 3.12e8, 0.002, 0.8, 0.1)
+    assert deck.te.peak_to_peak == pytest.approx(350e-6, rel=0.02)
+    assert [r.name for r in deck.responses] == [
+        "torque_0.8", "torque_1.8", "torque_3.3", "torque_5.5", "torque_12"]
+    response = deck.responses[1]
+    assert (response.claim_impacts_per_cycle, response.claim_deepest_separation) == (3, 0.00063)
+    assert (response.rtol, deck.sweeps[0].rtol) == (1e-8, 1e-6)
+    oscillator = deck.oscillator(response)
+    assert oscillator.force == pytest.approx(2.166096e-6 * 1.8, rel=1e-6)
+    assert oscillator.impact_law == "absolute"
+    sweep = deck.sweeps[0]
+    assert sweep.parameter == "brake_torque" and "brake_torque" not in sweep.operation
+    # The decimal fractions themselves, not what adding a step leads to.
+    assert sweep.values.tolist() == [round(0.2 + 0.02 * i, 2) for i in range(691)]
+
+
+def test_odd_spellings():
+    deck = load_deck(HERE / "accepted" / "harmonics.nml")
+    assert deck.numerics["rtol"] == deck.responses[0].rtol == deck.sweeps[0].rtol == 1e-9
+    assert deck.responses[0].start == ("separation", -1e-4, 0.0)
+    assert deck.responses[0].claim_text == "it's \"so\" / & not # ! otherwise"
+    assert "mesh_frequency_hz" not in deck.responses[1].operation
+    assert deck.responses[1].operation["pinion_speed_rpm"] == 300
+    expected = np.union1d(np.arange(10, 21) / 20, (5 + 1.5 * np.arange(11)) / 10)
+    np.testing.assert_allclose(deck.sweeps[0].values, expected, rtol=1e-15)
+    assert not deck.sweeps[0].impacts and deck.sweeps[0].starts == ("rest", "up")
+
+
+def test_byte_order_mark_and_line_ends_change_nothing(tmp_path):
+    plain = load_deck(PLAIN)
+    text = PLAIN.read_text(encoding="utf-8")
+    for number, data in enumerate([
+            (HERE / "accepted" / "windows.nml").read_bytes(), text.encode("utf-16"),
+            text.replace("\n", "\r").encode(), text.replace(" ", "\t").encode()]):
+        path = tmp_path / f"{number}.nml"
+        path.write_bytes(data)
+        assert load_deck(path).settings == plain.settings
+
+
+def changed(tmp_path, old, new, base=PLAIN):
+    path = tmp_path / "deck.nml"
+    path.write_text(base.read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
+    return load_deck(path)
+
+
+@pytest.mark.parametrize(("values", "pairs"), [
+    ("0,5 1,8", ["0.5", "1.8"]), ("1,5", ["1.5"]), ("1, 5", []), ("1,2,5", []), ("0.5,1", []),
+    ("1.5,2.5", [])])
+def test_decimal_comma_in_a_list_is_a_warning(tmp_path, values, pairs):
+    study = f"&sweep name = 'a', parameter = 'brake_torque', values = {values} /"
+    deck = changed(tmp_path, "&response name = 'a' /", study)
+    assert [w.text.rpartition(" ")[2] for w in deck.warnings] == pairs
+    assert all(w.warning and ": warning: " in str(w) for w in deck.warnings)
+
+
+PAIRS = "pinion_angle[deg],gear_angle[deg]\n0,0\n3.6,2.813\n7.2,5.626\n10.8,8.438\n14.4,11.25\n"
+
+
+@pytest.mark.parametrize(("sign", "warned"), [
+    ("", "not given"), (", te_sign = 'printed'", "is 'printed'"), (", te_sign = 'geometric'", "")])
+def test_angle_pairs_state_their_sign(tmp_path, sign, warned):
+    (tmp_path / "pairs.csv").write_text(PAIRS)
+    deck = changed(tmp_path, "parabola_amplitude = 125e-6", f"file = 'pairs.csv'{sign}")
+    assert deck.te.te_sign_hint == "geometric"
+    assert [warned in w.text for w in deck.warnings] == [True] * bool(warned)
+
+
+def test_overrides(tmp_path):
+    deck = load_deck(PLAIN, [("operation.brake_torque", "2d0"), ("scene.impact_law", "absolute"),
+                             ("response.a.settle_cycles", "10"), ("response.rtol", "1e-9")])
+    response = deck.responses[0]
+    assert (response.operation["brake_torque"], response.operation["impact_law"]) == \
+        (2, "absolute")
+    assert (response.settle_cycles, response.rtol) == (10, 1e-9)
+
+
+def test_log_ranges_and_lists(tmp_path):
+    study = ("&sweep name = 'a', parameter = 'restitution', from = 0.01, to = 1, count = 3, "
+             "spacing = 'log' /\n&sweep name = 'b', parameter = 'backlash', values = 3e-3 1e-3 /")
+    deck = changed(tmp_path, "&response name = 'a' /", study)
+    np.testing.assert_allclose(deck.sweeps[0].values, [0.01, 0.1, 1], rtol=1e-15)
+    assert deck.sweeps[1].values.tolist() == [1e-3, 3e-3]
+    assert deck.sweeps[1].group == "gear_pair"

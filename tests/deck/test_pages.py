@@ -1,0 +1,69 @@
+"""Template, reference page and schema agree with each other and with the engine's own limits."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lapwing.deck import load_deck, reference_page, template_text
+from lapwing.deck.schema import GROUPS, KeyType, fields
+from lapwing.engine import Numerics
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_template_loads(tmp_path):
+    path = tmp_path / "new.nml"
+    path.write_text(template_text(), encoding="utf-8")
+    deck = load_deck(path)
+    assert not deck.warnings and deck.responses and deck.sweeps
+    assert max(map(len, template_text().splitlines())) <= 100
+
+
+def test_template_names_every_key():
+    named = set(re.findall(r"^ +(?:! )?(\w+) = ", template_text(), re.MULTILINE))
+    assert named == {key for group in GROUPS.values() for key in fields(group)}
+
+
+def test_reference_page_is_current():
+    page = (ROOT / "docs" / "deck.md").read_text(encoding="utf-8")
+    assert page == reference_page(), "python -m lapwing.deck.reference > docs/deck.md"
+
+
+def test_examples_of_the_page_load(tmp_path):
+    blocks = re.findall(r"```fortran\n(.*?)```", reference_page(), re.DOTALL)
+    table = re.search(r"```\n(# measured.*?)```", reference_page(), re.DOTALL)[1]
+    (tmp_path / "te_25x32.csv").write_text(table, encoding="utf-8")
+    path = tmp_path / "deck.nml"
+    ranges = f"&sweep name = 'b' parameter = 'brake_torque' {blocks[2]} /"
+    path.write_text("\n".join([*blocks[:2], ranges]), encoding="utf-8")
+    deck = load_deck(path)
+    assert len(deck.sweeps[0].values) == 691 and len(deck.sweeps[1].values) == 301
+    assert len(deck.te.knots) == 5
+
+
+@pytest.mark.parametrize("key", ["rtol", "chatter_tol", "count_depth", "max_events_per_cycle",
+                                 "max_steps_per_cycle"])
+def test_limits_are_those_of_the_engine(key):
+    limits = KeyType(fields(GROUPS["numerics"])[key]).limits
+    whole = isinstance(limits["le"], int) and "max" in key
+    low = limits.get("ge", limits.get("gt"))
+    inside = [limits["le"], low] if "ge" in limits else [limits["le"]]
+    for value in inside:
+        Numerics(**{key: value})
+    below = low - 1 if whole else low - 1e-15 if "ge" in limits else low
+    for value in (limits["le"] * 1.001 if not whole else limits["le"] + 1, below):
+        with pytest.raises(ValueError, match=key):
+            Numerics(**{key: value})
+
+
+def test_checking_a_deck_imports_nothing_heavy():
+    code = ("import sys; from lapwing.deck import load_deck; load_deck(sys.argv[1]); "
+            "print([m for m in ('scipy', 'xarray', 'matplotlib', 'lapwing._engine') "
+            "if m in sys.modules])")
+    deck = ROOT / "inputs" / "lapping_25x32.nml"
+    done = subprocess.run([sys.executable, "-c", code, deck], capture_output=True, text=True,
+                          check=True)
+    assert done.stdout.strip() == "[]"
