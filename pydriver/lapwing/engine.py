@@ -201,10 +201,11 @@ class SweepResult:
     outcome: np.ndarray
     cycles: np.ndarray
     log: np.ndarray
+    interrupted: bool = False
 
 
 def sweep(oscillators, lines, *, numerics, wanted, phase, settle, record, log_room, threads,
-          progress=None):
+          progress=None, keep_interrupted=False):
     """Run many oscillators of one table in lines.
 
     Parameters
@@ -217,6 +218,8 @@ def sweep(oscillators, lines, *, numerics, wanted, phase, settle, record, log_ro
     log_room : int, impacts kept per point
     threads : int
     progress : callable(fraction) or None, called between calls into the engine
+    keep_interrupted : bool, whether Ctrl-C ends the sweep with what is finished, the other points
+        with status UNFINISHED, instead of raising KeyboardInterrupt
 
     Returns
     -------
@@ -235,12 +238,20 @@ def sweep(oscillators, lines, *, numerics, wanted, phase, settle, record, log_ro
     outcome = np.full((5 + WORK_SIZE, n), np.nan, order="F")
     outcome[0] = Status.UNFINISHED
     choices = _choices(oscillators[0], numerics, wanted, settle, record)
-    while np.any(table[4] < LINE_DONE):
-        api.sweep(*_table_arguments(oscillators), reals, choices, phase, table, CALL_SECONDS,
-                  threads, blobs, cycles, log, outcome)
-        if progress is not None:
-            progress(float(np.mean(outcome[0] != Status.UNFINISHED)))
-    return SweepResult(outcome.T, cycles.transpose(2, 1, 0), log.transpose(2, 1, 0))
+    interrupted = False
+    try:
+        while np.any(table[4] < LINE_DONE):
+            api.sweep(*_table_arguments(oscillators), reals, choices, phase, table, CALL_SECONDS,
+                      threads, blobs, cycles, log, outcome)
+            if progress is not None:
+                progress(float(np.mean(outcome[0] != Status.UNFINISHED)))
+    except KeyboardInterrupt:
+        if not keep_interrupted:
+            raise
+        interrupted = True
+        cycles[:, :, outcome[0] == Status.UNFINISHED] = np.nan
+        log[:, :, outcome[0] == Status.UNFINISHED] = np.nan
+    return SweepResult(outcome.T, cycles.transpose(2, 1, 0), log.transpose(2, 1, 0), interrupted)
 
 
 def position(phase, cycles, period):

@@ -32,7 +32,7 @@ PARAMETER_UNITS = {"brake_torque": "N m", "drive_torque": "N m", "pinion_speed_r
 def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=400, record=100,
           observe=("cycles",), phase=0.0, rtol=1e-6, chatter_tol=None, count_depth=0.01,
           max_impacts=2000, max_events_per_cycle=1_000_000, max_steps_per_cycle=10_000_000,
-          threads=None, progress=None, **operation):
+          threads=None, progress=None, keep_interrupted=False, **operation):
     """Run a range of values of one parameter.
 
     Parameters
@@ -51,6 +51,8 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
     rtol, chatter_tol, count_depth, max_events_per_cycle, max_steps_per_cycle : see `Numerics`
     threads : int or None; default `default_threads()`; results do not depend on it
     progress : callable(fraction done) or None
+    keep_interrupted : bool, whether Ctrl-C returns what is finished (attribute `interrupted`,
+        status UNFINISHED) instead of raising KeyboardInterrupt
     **operation : the other arguments of `GearPair.oscillator`
 
     Returns
@@ -74,10 +76,11 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
     result = engine.sweep(
         oscillators * len(starts), _lines(starts, len(values)), numerics=numerics, wanted=wanted,
         phase=phase, settle=settle, record=record, log_room=max_impacts,
-        threads=threads or default_threads(), progress=progress)
+        threads=threads or default_threads(), progress=progress,
+        keep_interrupted=keep_interrupted)
     return _dataset(result, oscillators, parameter, values, starts, wanted, phase,
                     {"settle": settle, "record": record, "rtol": rtol, "method": "rk4",
-                     "count_depth": count_depth})
+                     "count_depth": count_depth, "interrupted": int(result.interrupted)})
 
 
 def _check(parameter, values, starts, settle, record, observe, max_impacts):
@@ -172,10 +175,11 @@ def _periods(tables, oscillators):
 def _impacts(result, oscillators, shape, by_point):
     """Impact section: mesh phase, velocity relative to the flank, flank; and how many were met."""
     log = result.log.reshape(*shape, *result.log.shape[1:])
+    met = np.nan_to_num(result.outcome[:, 1]).reshape(shape).astype(np.int64)
     period = np.array([osc.period for osc in oscillators])[:, None]
     dims = (*by_point, "impact")
     flank = np.where(log[..., 0] == EventKind.IMPACT, 1, 2).astype(np.int8)
     flank[np.isnan(log[..., 0])] = 0
     return {"impact_phase": (dims, log[..., 2] / period), "impact_velocity": (dims, log[..., 4]),
             "impact_flank": (dims, flank),
-            "n_impacts": (by_point, result.outcome[:, 1].reshape(shape).astype(np.int64))}
+            "n_impacts": (by_point, met)}

@@ -170,7 +170,7 @@ def engine_start(osc, start):
     return float(state), float(phi), float(phi_dot)
 
 
-def _check_start(osc, start, phase):
+def check_start(osc, start, phase):
     """Refuse a start on the wrong side of a flank."""
     state, phi, _ = engine_start(osc, start)
     if state == engine.REST:
@@ -207,7 +207,7 @@ def _check_arguments(osc, start, phase, cycles, method, record):
         return
     if not 0 <= phase < 1:
         raise ValueError(f"phase = {phase!r}, 0 <= phase < 1 is meant")
-    _check_start(osc, start, phase)
+    check_start(osc, start, phase)
 
 
 def _same(one, other):

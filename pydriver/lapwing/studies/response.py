@@ -1,0 +1,399 @@
+"""One operating point looked at closely: history, events, mesh force, energy, error estimates.
+
+W = k'·(r_m1·n_mt)·(d + 2ξ·d') is the force of spring and damper, d the deflection (rad) of the
+flank in contact: φ at the drive flank, φ + width at the coast flank, θ + width at a coast flank
+that stands still.  Impacts are instants; their impulses per time are a mean force of their own.
+Over whole periods  mean W + impulses per time = k'·(r_m1·n_mt)·F,  the averaged equation of motion.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lapwing import engine
+from lapwing.codes import EventKind, MotionState, Status
+from lapwing.engine import CYCLE_NAMES, Numerics, TrajectoryCall, Wanted
+from lapwing.studies.period import MAX_PERIOD, find_period
+from lapwing.studies.sweep import LABELS
+from lapwing.studies.trajectory import check_start, engine_start
+
+# Spacing h in τ of the states behind mean and peak force.  Cubic Hermite pieces miss the peak of
+# an oscillation of unit frequency by h⁴/384 = 3e-7 of its amplitude, the mean by h⁴/720.
+FORCE_SPACING = 0.1
+# Averages over cycles, and largest values over cycles.
+MEANS = ("impacts_per_cycle", "back_impacts_per_cycle", "resolved_impacts_per_cycle",
+         "resolved_back_impacts_per_cycle", "chatter_ends_per_cycle", "mesh_force_mean",
+         "impact_force_mean", "impact_energy_per_cycle")
+PEAKS = ("deepest_separation", "deepest_back_penetration", "mesh_force_peak")
+FLOATS = ("phi", "phi_dot", "deepest_separation", "deepest_back_penetration")
+TIGHTEST_RTOL = 1e-13
+
+
+def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, record_cycles=100,
+             samples_per_cycle=400, rtol=1e-8, max_period=MAX_PERIOD, count_depth=0.01,
+             chatter_tol=None, max_events_per_cycle=1_000_000, max_steps_per_cycle=10_000_000,
+             order=0, brake_torque=None, claim_impacts_per_cycle=None,
+             claim_deepest_separation=None, claim_text=None):
+    """Settle, record, and estimate the error of every number by a second run.
+
+    1. Follow the motion over the cycles to settle, recording nothing; whole cycles are recorded,
+       so that with a start phase above 0 settling ends with the cycle under way.
+    2. Record events, statistics of each cycle and samples in one pass of the engine.
+    3. Mesh force: cubic Hermite pieces between samples and contact events (force and its rate are
+       known at both ends), integrated and searched for extremes.
+    4. Do the same at rtol/100 (1e-13 at least; 100·rtol below 1e-12): `X_error` is the difference.
+       `X_transient` is the second half of the recorded cycles less the first.
+
+    Parameters
+    ----------
+    osc : Oscillator
+    pair : GearPair, the pair `osc` was made from; its units
+    name : str
+    start, phase : as for `simulate`, but for the end of another run
+    settle_cycles, record_cycles, samples_per_cycle : int; >= 0, >= 1, >= 1
+    rtol, count_depth, chatter_tol, max_events_per_cycle, max_steps_per_cycle : see `Numerics`
+    max_period, order : int; mesh cycles, and the place among the responses of a deck
+    brake_torque : float, N·m; default: the one that gives the oscillator's force at balance
+    claim_* : what a source reports (depth in rad), float, float, str; kept, not judged
+
+    Returns
+    -------
+    xarray.Dataset
+        Over `sample`: time (s from the first recorded cycle), phase (mesh periods), cycle,
+        motion_state, phi (rad), phi_dot (rad per τ), mesh_force (N; coast flank negative; NaN
+        with the rigid law), dynamic_te (θ, rad).  Over `event`: event_time, event_phase, …,
+        velocity_before, velocity_after (rad per τ), impact_energy (J lost; NaN for what is no
+        impact).  Over `cycle`: cycle_*, the columns of `simulate`, forces (N; peak: largest
+        magnitude) and impact energy (J).  Cycles are counted from the first recorded one.  The
+        numbers of the summary are attributes.  A run that fails numerically has its `status`,
+        no events and NaN everywhere else (-1 in whole numbers).
+
+    Raises
+    ------
+    ValueError
+        for every refused argument.
+    """
+    _check(phase, settle_cycles=settle_cycles, record_cycles=record_cycles,
+           samples_per_cycle=samples_per_cycle, max_period=max_period)
+    check_start(osc, start, phase)
+    tolerances = {"count_depth": count_depth, "chatter_tol": chatter_tol,
+                  "max_events_per_cycle": max_events_per_cycle,
+                  "max_steps_per_cycle": max_steps_per_cycle}
+    grid, stored = _sample_phases(osc, samples_per_cycle)
+    span = (settle_cycles + (phase > 0), record_cycles)
+    other = max(rtol / 100, TIGHTEST_RTOL) if rtol >= 10 * TIGHTEST_RTOL else 100 * rtol
+    main, reference = (
+        _Outcome.of(osc, pair, _record(osc, (*engine_start(osc, start), phase), span, grid,
+                                       Numerics(rtol=one, **tolerances)), max_period)
+        for one in (rtol, other))
+    settings = {
+        "name": name, "order": order,
+        "brake_torque": osc.force / pair.force_per_torque if brake_torque is None else brake_torque,
+        "mesh_period_s": osc.period / pair.natural_frequency, "method": "rk4", "rtol": rtol,
+        "rtol_reference": other, "start_phase": phase,
+        "start": start if isinstance(start, str) else " ".join(map(str, start)),
+        "settle_cycles": settle_cycles, "record_cycles": record_cycles,
+        "first_cycle": span[0], "samples_per_cycle": samples_per_cycle,
+        "max_period": max_period, "count_depth": count_depth,
+        "claim_impacts_per_cycle": claim_impacts_per_cycle,
+        "claim_deepest_separation": claim_deepest_separation, "claim_text": claim_text}
+    given = {key: value for key, value in settings.items() if value is not None}
+    return _dataset(osc, pair, main, stored).assign_attrs(
+        given | _law_attributes(osc) | _findings(main, reference))
+
+
+def _check(phase, **whole):
+    problems = [f"{key} = {value!r}, a whole number >= {int(key != 'settle_cycles')} is meant"
+                for key, value in whole.items() if not isinstance(value, int | np.integer)
+                or not int(key != "settle_cycles") <= value < engine.MAX_INT // 4]
+    if not 0 <= phase < 1:
+        problems.append(f"phase = {phase!r}, 0 <= phase < 1 is meant")
+    if problems:
+        raise ValueError("response: " + "; ".join(problems))
+
+
+def _sample_phases(osc, samples_per_cycle):
+    """Phases to sample, even and where g'' jumps, and which of them are the even ones stored."""
+    each = math.ceil(osc.period / (FORCE_SPACING * samples_per_cycle))
+    even = np.arange(samples_per_cycle * each) / (samples_per_cycle * each)
+    knots = osc.te.knots[:-1]
+    curvature = [osc.te.curvature(knots, side) for side in ("left", "right")]
+    jumps = np.abs(curvature[1] - curvature[0]) > 1e-9 * np.max(np.abs(curvature))
+    grid = np.union1d(even, knots[jumps | osc.te.kinks])
+    return grid, np.searchsorted(grid, np.arange(samples_per_cycle) / samples_per_cycle)
+
+
+@dataclass(frozen=True)
+class _Recording:
+    """Log (n, 6), cycles (record, 17), samples (record·grid + 1, 3) and the phases sampled.
+
+    Cycles are counted from the first recorded one; the last sample is the end of the last cycle.
+    """
+
+    status: Status
+    grid: np.ndarray
+    log: np.ndarray
+    cycles: np.ndarray
+    samples: np.ndarray
+
+
+def _record(osc, start, span, grid, numerics):
+    """Settle and record.
+
+    The cycle before the first recorded one is watched already, for an impact counts with the
+    whole flight before it; and one cycle more is run, for the state at which the last one ends.
+    """
+    first, record = span
+    watched, blob, status = max(0, first - 1), None, Status.OK
+    if watched:
+        call = TrajectoryCall(osc, start, numerics=numerics, wanted=Wanted())
+        status = call.run((watched, 0.0), []).status
+        start, blob = (engine.GO_ON, 0, 0, 0), call.blob
+    times = np.column_stack([np.repeat(first + np.arange(record), grid.size),
+                             np.tile(grid * osc.period, record)])
+    if status == Status.OK:
+        call = TrajectoryCall(osc, start, blob, watched, numerics=numerics,
+                              wanted=Wanted(events=True, cycles=True))
+        call.run((first + record + 1, 0.0), np.vstack([times, (first + record, 0.0)]))
+        status = call.status
+    if status != Status.OK:
+        return _Recording(status, grid, np.zeros((0, 6)), np.full((record, 17), np.nan),
+                          np.full((len(times) + 1, 3), np.nan))
+    log, cycles = call.log - first * np.eye(6)[1], call.cycles - first * np.eye(17)[0]
+    log, cycles = (table[(table[:, i] >= 0) & (table[:, i] < record)]
+                   for table, i in ((log, 1), (cycles, 0)))
+    return _Recording(status, grid, log, cycles, call.samples)
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    """A recording, its statistics by cycle (dict of (record,) arrays), period and class."""
+
+    recording: _Recording
+    by_cycle: dict
+    period: int
+    motion_class: str
+
+    @classmethod
+    def of(cls, osc, pair, recording, max_period):
+        column = dict(zip(CYCLE_NAMES, recording.cycles.T, strict=True))
+        by_cycle = _by_cycle(osc, pair, recording, column)
+        labels = np.column_stack([column[key] for key in LABELS])
+        deepest = column["deepest_separation"].max()
+        period = find_period(column["phi"], column["phi_dot"], labels,
+                             max(abs(osc.force), deepest) or osc.backlash, max_period)
+        return cls(recording, by_cycle, period, _motion_class(by_cycle, period, recording.status))
+
+    def number(self, key, half=None):
+        """One number of the summary, over all recorded cycles or their first or second half.
+
+        Averages are over as many whole periods as there are (the last ones); each half as well.
+        """
+        values = self.by_cycle[key]
+        window = len(values) if half is None else len(values) // 2
+        if self.period and window >= self.period:
+            window -= window % self.period
+        if window == 0:
+            return math.nan
+        end = len(values) - window * (half == 0)
+        if key in PEAKS:
+            return float(np.max(values[end - window if half is not None else 0:end]))
+        return float(np.mean(values[end - window:end]))
+
+
+def _by_cycle(osc, pair, recording, column):
+    """Arrays (record,) of every number whose mean or maximum is summarised."""
+    newton = pair.mesh_stiffness * pair.pinion_base_lever
+    record = len(recording.cycles)
+    mean, peak = _contact_forces(osc, recording)
+    force, energy = np.zeros(record), np.zeros(record)
+    impacts = np.isin(recording.log[:, 0], (EventKind.IMPACT, EventKind.BACK_IMPACT))
+    _, cycle, _, _, before, after = recording.log[impacts].T
+    np.add.at(force, cycle.astype(int), newton * (before - after) / osc.period)
+    np.add.at(energy, cycle.astype(int), 0.5 * pair.torsional_stiffness * (before**2 - after**2))
+    if recording.status != Status.OK:
+        force, energy = force * np.nan, energy * np.nan
+    # Without restitution nothing is an impact; there each arrival of a free tooth counts.
+    counts = (("engages", "back_engages", "engages", "back_engages")
+              if osc.contact_law == "compliant" else
+              ("counted_impacts", "counted_back_impacts", "impacts", "back_impacts"))
+    return {**dict(zip(MEANS[:4], (column[key] for key in counts), strict=True)),
+            "chatter_ends_per_cycle": column["chatter_ends"] + column["back_chatter_ends"],
+            "mesh_force_mean": newton * mean, "mesh_force_peak": newton * peak,
+            "impact_force_mean": force, "impact_energy_per_cycle": energy,
+            "deepest_separation": column["deepest_separation"],
+            "deepest_back_penetration": column["deepest_back_penetration"],
+            "states_visited": column["states_visited"]}
+
+
+def _motion_class(by_cycle, period, status):
+    """`p:(i,j)`, i and j impacts counted at the drive and the coast flank in p cycles."""
+    if status != Status.OK:
+        return "failed"
+    chatter = bool(np.any(by_cycle["chatter_ends_per_cycle"] > 0))
+    if not period:
+        return "aperiodic" + " c" * chatter
+    drive, coast = (int(np.sum(by_cycle[key][-period:])) for key in MEANS[:2])
+    return f"{period}:({drive},{coast})" + "c" * chatter
+
+
+def _contact_forces(osc, recording):
+    """Mean and largest magnitude of W/(k'·lever) in each cycle, rad; impacts not included."""
+    record = len(recording.cycles)
+    result = np.full((2, record), np.nan)
+    if recording.status != Status.OK or osc.contact_law == "rigid":
+        return result
+    phase = np.append(recording.grid, 1.0)
+    flank = {side: _flank_motion(osc, phase, side) for side in ("left", "right")}
+    log = recording.log[(recording.log[:, 0] >= EventKind.RELEASE)
+                        & (recording.log[:, 0] <= EventKind.BACK_CHATTER_END)]
+    for m in range(record):
+        samples = recording.samples[m * recording.grid.size:][:phase.size]
+        events = log[log[:, 1] == m]
+        t = np.append(events[:, 2], phase * osc.period)
+        # Stable: an event comes before a sample at the same time, which sees the state after it.
+        order = np.argsort(t, kind="stable")
+        left, right = (np.hstack(sides)[:, order] for sides in zip(
+            _event_nodes(osc, events), _sample_nodes(osc, samples, flank), strict=True))
+        same = (right[0, :-1] == left[0, 1:]) & (right[0, :-1] > 0)
+        total, peak = _hermite(np.diff(t[order])[same], right[1:, :-1][:, same],
+                               left[1:, 1:][:, same])
+        result[:, m] = total.sum() / osc.period, peak.max(initial=0.0)
+    return result
+
+
+def _flank_motion(osc, phase, side="right"):
+    """g, g', g'' (rad, per τ, per τ²) of the drive flank; `side` tells the limit at a knot."""
+    return [osc.flank_scale / osc.period**k * osc.te.derivative(k, phase, side)
+            for k in range(3)]
+
+
+def _node(osc, state, deflection, rate, curvature):
+    """Motion state, force and rate of the force at one side of some instants, (3, n).
+
+    W/(k'·lever) = d + 2ξd' and d'' = F - g'' - 2ξd' - d, without g'' at a standing coast flank.
+    """
+    standing = (state == MotionState.BACK_ENGAGEMENT) & (not osc.back_flank_te)
+    force = deflection + 2 * osc.damping_ratio * rate
+    acceleration = osc.force - np.where(standing, 0.0, curvature) - force
+    return np.array([state, force, rate + 2 * osc.damping_ratio * acceleration])
+
+
+def _sample_nodes(osc, samples, flank):
+    """Left and right side of samples; θ' is continuous where g' jumps."""
+    state, phi, phi_dot = samples.T
+    for g, slope, curvature in (flank["left"], flank["right"]):
+        left = phi_dot + flank["right"][1] - slope
+        yield _node(osc, state, *_deflection(osc, state, phi, left, g, slope), curvature)
+
+
+def _deflection(osc, state, phi, phi_dot, g, slope):
+    """Deflection of the flank in contact and its rate, rad and rad per τ."""
+    coast = state == MotionState.BACK_ENGAGEMENT
+    standing = coast & (not osc.back_flank_te)
+    return (np.where(coast, phi + osc.gap_width, phi) + np.where(standing, g, 0.0),
+            phi_dot + np.where(standing, slope, 0.0))
+
+
+def _event_nodes(osc, events):
+    """Left side of the ends of contact and right side of its beginnings; d = 0 there."""
+    kind, _, t, _, before, after = events.T
+    state = np.where(kind % 2 == 1, int(MotionState.ENGAGEMENT), int(MotionState.BACK_ENGAGEMENT))
+    ends = kind <= EventKind.BACK_RELEASE
+    phase = np.minimum(t / osc.period, 1.0)
+    for wanted, rate, side in ((ends, before, "left"), (~ends, after, "right")):
+        curvature = _flank_motion(osc, phase, side)[2]
+        yield _node(osc, np.where(wanted, state, 0), np.zeros(kind.size), rate, curvature)
+
+
+def _hermite(width, left, right):
+    """Integral and largest magnitude of cubic pieces given by value and slope at both ends."""
+    a, b = width * left[1], width * right[1]
+    rise = right[0] - left[0]
+    integral = width * (0.5 * (left[0] + right[0]) + (a - b) / 12)
+    c2, c3 = 3 * rise - 2 * a - b, a + b - 2 * rise
+    half = -(c2 + np.copysign(np.sqrt(np.maximum(c2**2 - 3 * a * c3, 0)), c2))
+    largest = np.maximum(np.abs(left[0]), np.abs(right[0]))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for at in (half / (3 * c3), a / half):
+            at = np.clip(np.nan_to_num(at, nan=0.0), 0, 1)
+            largest = np.maximum(largest, np.abs(left[0] + at * (a + at * (c2 + at * c3))))
+    return integral, largest
+
+
+def _findings(main, reference):
+    """The summary's numbers, each with its two error estimates."""
+    status = main.recording.status
+    attrs = {"status": int(status), "status_meaning": status.name.lower(),
+             "status_reference": int(reference.recording.status), "period": main.period,
+             "motion_class": main.motion_class, "motion_class_reference": reference.motion_class,
+             "error_kind": "convergence" if main.period and reference.period else "statistical"}
+    for key in (*MEANS, *PEAKS):
+        attrs[key] = main.number(key)
+        attrs[f"{key}_error"] = abs(main.number(key) - reference.number(key))
+        attrs[f"{key}_transient"] = main.number(key, 1) - main.number(key, 0)
+    visited = np.bitwise_or.reduce(main.by_cycle["states_visited"].astype(int)) \
+        if status == Status.OK else 0
+    return attrs | {"states_visited": int(visited),
+                    "fully_engaged": int(visited == 1 << MotionState.ENGAGEMENT)}
+
+
+def _law_attributes(osc):
+    names = ("force", "mesh_frequency_ratio", "contact_law", "impact_law", "gap", "te_sign",
+             "gap_width", "restitution", "damping_ratio", "backlash")
+    return {"back_flank_te": int(osc.back_flank_te)} | {key: getattr(osc, key) for key in names}
+
+
+def _dataset(osc, pair, outcome, stored):
+    """Samples, events and cycles in physical units."""
+    import xarray as xr
+
+    second = osc.period / pair.natural_frequency
+    parts = {"sample": _sample_columns(osc, pair, outcome.recording, stored, second),
+             "event": _event_columns(pair, outcome.recording, osc.period, second),
+             "cycle": _cycle_columns(outcome)}
+    return xr.Dataset({key: (dim, values) for dim, columns in parts.items()
+                       for key, values in columns.items()})
+
+
+def _sample_columns(osc, pair, recording, stored, second):
+    record, failed = len(recording.cycles), recording.status != Status.OK
+    phase = np.tile(recording.grid[stored], record)
+    cycle = np.repeat(np.arange(record), stored.size)
+    rows = recording.samples[:-1].reshape(record, -1, 3)[:, stored]
+    state, phi, phi_dot = rows.reshape(-1, 3).T
+    g, slope, _ = _flank_motion(osc, phase)
+    deflection, rate = _deflection(osc, state, phi, phi_dot, g, slope)
+    force = pair.mesh_stiffness * pair.pinion_base_lever * (
+        deflection + 2 * osc.damping_ratio * rate)
+    force = np.where(state == MotionState.SEPARATION, 0.0, force)
+    if osc.contact_law == "rigid":
+        force = force * np.nan
+    state = np.full(state.size, -1) if failed else state
+    return {"time": (cycle + phase) * second, "phase": phase, "cycle": cycle.astype(np.int32),
+            "motion_state": state.astype(np.int8), "phi": phi, "phi_dot": phi_dot,
+            "mesh_force": force, "dynamic_te": phi + g}
+
+
+def _event_columns(pair, recording, period, second):
+    kind, cycle, t, phi, before, after = recording.log.T
+    energy = 0.5 * pair.torsional_stiffness * (before**2 - after**2)
+    impact = np.isin(kind, (EventKind.IMPACT, EventKind.BACK_IMPACT))
+    return {"event_time": (cycle + t / period) * second, "event_phase": t / period,
+            "event_cycle": cycle.astype(np.int32), "event_kind": kind.astype(np.int8),
+            "event_phi": phi, "velocity_before": before, "velocity_after": after,
+            "impact_energy": np.where(impact, energy, np.nan)}
+
+
+def _cycle_columns(outcome):
+    failed = outcome.recording.status != Status.OK
+    columns = {}
+    for key, column in zip(CYCLE_NAMES[1:], outcome.recording.cycles.T[1:], strict=True):
+        whole = np.full(len(column), -1) if failed else column
+        columns[f"cycle_{key}"] = column if key in FLOATS else whole.astype(np.int32)
+    for key in ("mesh_force_mean", "mesh_force_peak", "impact_force_mean"):
+        columns[f"cycle_{key}"] = outcome.by_cycle[key]
+    return {**columns, "cycle_impact_energy": outcome.by_cycle["impact_energy_per_cycle"]}

@@ -1,0 +1,117 @@
+"""The summary: every number asked for is in it, readable, and from the file alone."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+
+import lapwing
+from helpers import PAIR, SHIPPED, scene_a
+from lapwing.results import read_results, write_results
+from lapwing.studies.response import response
+from lapwing.summary import summary_text, with_error
+
+SHORT = {"settle_cycles": 60, "record_cycles": 24, "samples_per_cycle": 32}
+
+
+@pytest.fixture(scope="module")
+def text(tmp_path_factory):
+    """Summary of a small study: bouncing, chaotic, engaged, failed; a sweep with hysteresis."""
+    responses = [
+        response(scene_a(3.3), PAIR, name="bounces", claim_impacts_per_cycle=5.0,
+                 claim_deepest_separation=0.00032, claim_text="period 1", **SHORT),
+        response(scene_a(0.8), PAIR, name="chaos", **SHORT),
+        response(scene_a(12), PAIR, name="engaged", claim_text="separation vanishes", **SHORT),
+        response(scene_a(3.3), PAIR, name="broken", max_steps_per_cycle=3, **SHORT)]
+    sweep = lapwing.sweep(PAIR, SHIPPED, values=np.linspace(11.5, 12.7, 13), settle=60, record=10,
+                          pinion_speed_rpm=240, impact_law="absolute")
+    path = tmp_path_factory.mktemp("summary") / "result.nc"
+    write_results(path, deck_name="case", deck_text="", used_text="", used_hash="0a1b",
+                  pair=PAIR, te=SHIPPED, osc=scene_a(1.0), responses=responses,
+                  sweeps={"torque": sweep})
+    with read_results(path) as results:
+        return summary_text(results)
+
+
+def row(text, name):
+    """Cells of one line of the table, by heading."""
+    heading, line = (next(line for line in text.splitlines() if line.startswith(f"| {start} "))
+                     for start in ("response", name))
+    return dict(zip(*([cell.strip() for cell in one.strip("|").split("|")]
+                      for one in (heading, line)), strict=True))
+
+
+def paragraph(text, name):
+    return text.split(f"### {name}\n\n")[1].split("\n")[0]
+
+
+def test_table_comes_before_the_paragraphs(text):
+    assert text.index("| response |") < text.index("### bounces")
+    assert "1 % of the deepest separation" in text
+
+
+def test_a_bouncing_response_beside_its_claim(text):
+    cells = row(text, "bounces")
+    assert cells["motion"] == "period 1"
+    assert cells["impacts per cycle, drive / coast"] == "5 / 0"
+    # 0.00032123687, from the same scene at a tolerance of 1e-12.
+    assert cells["deepest separation (µrad)"] == "321.237"
+    assert cells["source"] == "5 impacts, 320 µrad (“period 1”)"
+    words = paragraph(text, "bounces")
+    assert "5 impacts per cycle (as here)" in words
+    assert "320 µrad deepest separation (here +0.39 %)" in words
+    assert re.search(r"321\.237 ± \de-\d\d µrad of 2000 µrad", words)
+    assert "Settled" in words
+
+
+def test_an_engaged_response(text):
+    assert row(text, "engaged")["contact"] == "engaged throughout"
+    # k'·lever·F = T_l·lever⁻¹/i12 = 12/(0.034·1.28) N.
+    assert row(text, "engaged")["mesh force, mean / peak (N)"].startswith("275.735 /")
+    assert "never part" in paragraph(text, "engaged")
+    assert "“separation vanishes”" in paragraph(text, "engaged")
+
+
+def test_chaos_is_marked_as_statistics(text):
+    assert row(text, "chaos")["motion"] == "no period"
+    assert row(text, "chaos")["mesh force, mean / peak (N)"].startswith("≈ ")
+    assert "Without a period" in paragraph(text, "chaos")
+
+
+def test_a_failed_response_says_so(text):
+    assert "failed: too many steps" in row(text, "broken")["motion"]
+    assert not re.search(r"\bnan\b", text)
+
+
+def test_sweep(text):
+    findings = text.split("## Sweep torque")[1]
+    assert "brake torque from 11.5 to 12.7 N·m: 13 values × 3 starts" in findings
+    assert "none of 39 failed" in findings
+    assert "last back impact: none seen (each from rest)" in findings
+    assert "complete engagement from 11.91674544 N·m" in findings
+    assert "mesh phase 0.951457" in findings
+    # Bouncing survives above complete engagement when carried upwards (docs/model.md, section 8).
+    hysteresis = re.search(r"differ in period, impacts or depth at (.*) N·m", findings)[1]
+    assert re.fullmatch(r"(11\.9|12)–12\.\d", hysteresis.split(", ")[-1])
+    assert re.search(r"last separation: 11\.9 N·m \(each from rest\), 12\.\d N·m \(carried up",
+                     findings)
+
+
+def test_provenance_ends_it(text):
+    last = text.rstrip().splitlines()[-1]
+    assert last.startswith(f"Lapwing {lapwing.__version__} (")
+    assert "`0a1b`" in last
+
+
+@pytest.mark.parametrize(("value", "error", "shown"), [
+    (321.236871, 2e-9, "321.237 ± 2e-09"), (321.236871, 0.3, "321.2 ± 0.3"),
+    (321.236871, 40, "320 ± 40"), (5.0, 0.0, "5"), (0.0, 0.0, "0"), (1.5, 7.0, "2 ± 7"),
+    (2.0, math.nan, "2"), (math.nan, 0.0, "–"), (1234567.0, 2e5, "1.2e+06 ± 200000")])
+def test_errors_are_readable(value, error, shown):
+    assert with_error(value, error) == shown
+
+
+def test_an_invisible_error_may_be_left_out():
+    assert with_error(321.236871, 2e-9, brief=True) == "321.237"
+    assert with_error(321.236871, 0.3, brief=True) == "321.2 ± 0.3"
