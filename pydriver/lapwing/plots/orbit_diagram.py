@@ -1,142 +1,152 @@
-"""Orbit diagram of a sweep: section, depth, impacts per cycle and period against the parameter."""
+"""Orbit diagram of a sweep: section, impact speeds, impacts per cycle, period."""
 
 from __future__ import annotations
 
 import numpy as np
 
-# Okabe and Ito's palette: told apart by colour-blind readers and by lightness in grey.
-START_STYLES = {
-    "rest": {"color": "#000000", "label": "each from rest"},
-    "up": {"color": "#D55E00", "label": "carried upwards"},
-    "down": {"color": "#56B4E9", "label": "carried downwards"},
-}
-AXIS_LABELS = {"brake_torque": "braking torque (N·m)", "pinion_speed_rpm": "pinion speed (rpm)",
-               "mesh_frequency_hz": "mesh frequency (Hz)"}
-# Drawn in this order, so that the curve most asked for lies on top.
-DRAWING_ORDER = ("down", "up", "rest")
+from lapwing.plots import style, sweep_parts
+from lapwing.plots.style import save
+
+# Periods above this share a row of the strip.
+HIGHEST_PERIOD = 8
 
 
-def orbit_diagram(sweep, *, title="", full_engagement=None, claims=()):
+@style.house_style()
+def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None):
     """Draw a sweep.
 
     Parameters
     ----------
-    sweep : xarray.Dataset, result of `lapwing.sweep` with 'cycles' observed
+    sweep : xarray.Dataset, result of `lapwing.sweep` with 'cycles' observed, as it is or as group
+        `sweep_<name>` of a result file; the impact speeds need 'impacts' observed as well
+    gear_pair : mapping or None, group `gear_pair`; gives speeds in rad/s and mm/s
     title : str
     full_engagement : float or None, parameter value above which the engaged response never
-        separates; marked by a vertical line
-    claims : sequence of (parameter value, depth in rad, text), drawn as markers on the depths
+        separates; default: as stored with the sweep
+    claims : sequence of (parameter value, depth in rad, text, impacts per cycle), the last one or
+        two may be missing; default: as stored with the sweep
 
     Returns
     -------
     matplotlib.figure.Figure
     """
-    from matplotlib.figure import Figure
-
-    parameter = sweep["status"].dims[1]
-    figure = Figure(figsize=(10, 10.5), layout="constrained")
-    axes = figure.subplots(4, 1, sharex=True, height_ratios=(3, 2.2, 1.6, 1.2))
-    panels = (_section, _depths, _impacts, _periods)
+    panels = {_section: 3.0, _impact_speeds: 2.4, _impacts: 1.6, _periods: 1.3}
+    if "impact_velocity" not in sweep:
+        panels[_depths] = panels.pop(_impact_speeds)
+        panels = {panel: panels[panel] for panel in (_section, _depths, _impacts, _periods)}
+    claims = sweep_parts.claims_of(sweep, claims)
+    figure = style.new_figure(10, 10.5)
+    axes = figure.subplots(4, 1, sharex=True, height_ratios=list(panels.values()))
     for axis, panel, letter in zip(axes, panels, "abcd", strict=True):
-        heading = panel(axis, sweep, parameter)
-        axis.set_title(f"({letter}) {heading}", loc="left", fontsize=10)
-        axis.grid(True, color="0.92", linewidth=0.6)
-        axis.set_axisbelow(True)
-        if full_engagement is not None:
-            axis.axvline(full_engagement, color="0.35", linewidth=0.9, linestyle=(0, (5, 3)))
-    if full_engagement is not None:
-        axes[1].annotate(
-            f"{full_engagement:.4g}: engaged\nresponse stays in contact", (full_engagement, 0.96),
-            xycoords=("data", "axes fraction"), xytext=(-6, 0), textcoords="offset points",
-            ha="right", va="top", fontsize=8.5, color="0.25")
-    _draw_claims(axes[1], claims)
-    axes[-1].set_xlabel(AXIS_LABELS.get(parameter, parameter.replace("_", " ")))
-    axes[-1].set_xlim(float(sweep[parameter][0]), float(sweep[parameter][-1]))
-    _legend(axes[0], sweep)
-    figure.suptitle(title, fontsize=12)
+        axis.set_title(f"({letter}) {panel(axis, sweep, gear_pair, claims)}")
+    parameter = sweep_parts.parameter_of(sweep)
+    sweep_parts.mark_full_engagement(
+        axes, sweep_parts.full_engagement_of(sweep, full_engagement), axes[1],
+        sweep[parameter].values)
+    sweep_parts.finish(figure, axes, sweep,
+                       f"orbit diagram: {sweep.attrs.get('name', '')}" if title is None else title)
+    shown = [one for one in claims if np.isfinite(one.impacts) or (np.isfinite(one.depth)
+             and _depths in panels)]
+    sweep_parts.legend(figure, axes[0], sweep, claims=bool(shown),
+                       failed=bool((sweep["status"] != 0).any()))
     return figure
 
 
-def _branches(sweep):
-    """Starts that were swept, in drawing order, with their style."""
-    return [(start, START_STYLES[start]) for start in DRAWING_ORDER
-            if start in sweep["start"].values]
+# The name used by scripts.
+orbit_diagram = draw
 
 
-def _section(axis, sweep, parameter):
-    """Strobed displacement, µrad. Every panel returns its heading."""
-    for start, style in _branches(sweep):
-        branch = sweep.sel(start=start)
-        values = np.repeat(branch[parameter].values, branch.sizes["recorded_cycle"])
-        axis.plot(values, 1e6 * branch["phi"].values.ravel(), linestyle="", marker="o",
-                  markersize=1.3, markeredgewidth=0, alpha=0.6, color=style["color"],
-                  rasterized=True)
+def _dots(axis, x, y, look):
+    """Many points of a branch."""
+    axis.plot(x, y, linestyle="", marker="o", markersize=look["size"], markeredgewidth=0,
+              alpha=0.7, color=look["color"], rasterized=True)
+
+
+def _section(axis, sweep, gear_pair, claims):
+    """Strobed displacement, µrad.  Every panel returns its heading."""
+    for branch, look in sweep_parts.branches(sweep):
+        x = branch[sweep_parts.parameter_of(sweep)].values
+        phi = branch["phi"].values
+        _dots(axis, np.repeat(x, phi.shape[1]), style.URAD * phi.ravel(), look)
     axis.axhline(0, color="0.5", linewidth=0.8)
-    axis.set_ylabel("φ at phase "
-                    f"{sweep.attrs.get('phase', 0):g} (µrad)\n← separated   engaged →")
-    return "stroboscopic section: relative displacement once per mesh cycle"
+    small = style.widen_small_values(axis, style.URAD * sweep["phi"].values)
+    axis.set_ylim(axis.get_ylim())
+    axis.set_ylabel(f"φ at phase {float(sweep.attrs.get('phase', 0)):g} (µrad)\n"
+                    "← separated   engaged →")
+    style.arcsec_scale(axis)
+    return ("stroboscopic section: relative displacement once per mesh cycle"
+            + small * " (logarithmic but near 0)")
 
 
-def _depths(axis, sweep, parameter):
-    """Deepest separation of the recorded cycles, mrad."""
-    for start, style in _branches(sweep):
-        depth = 1e3 * sweep["deepest_separation"].sel(start=start).max("recorded_cycle")
-        axis.plot(sweep[parameter], depth, color=style["color"], linewidth=1.1)
-    axis.set_ylabel("deepest separation\n(mrad)")
+def _impact_speeds(axis, sweep, gear_pair, claims):
+    """Approach speed of the recorded impacts."""
+    factor, unit, millimetres = style.speed_unit(gear_pair)
+    for branch, look in sweep_parts.branches(sweep):
+        x = branch[sweep_parts.parameter_of(sweep)].values
+        speed = np.abs(branch["impact_velocity"].values)
+        seen = np.isfinite(speed)
+        _dots(axis, np.repeat(x, speed.shape[1])[seen.ravel()], factor * speed[seen], look)
+    axis.set_ylabel(f"approach speed |φ'|\n({unit})")
     axis.set_ylim(bottom=0)
+    style.speed_scale(axis, millimetres)
+    room = sweep.sizes["impact"]
+    capped = bool((sweep["n_impacts"] > room).any())
+    return ("speed of impacts at either flank, relative to it"
+            + (f"; of each point the first {room} recorded" if capped else ""))
+
+
+def _depths(axis, sweep, gear_pair, claims):
+    """Deepest separation, µrad, where no impact speeds were recorded."""
+    from lapwing.plots.deepest_separation import depth_lines
+
+    depth_lines(axis, sweep)
+    for claim in claims:
+        if np.isfinite(claim.depth):
+            sweep_parts.claim_marker(axis, claim.value, style.URAD * claim.depth)
+    axis.set_ylabel("deepest separation\n(µrad)")
+    style.arcsec_scale(axis)
     return "deepest separation of the drive flanks in the recorded cycles"
 
 
-def _impacts(axis, sweep, parameter):
-    """Counted impacts per cycle at either flank."""
-    for start, style in _branches(sweep):
-        branch = sweep.sel(start=start)
-        axis.plot(branch[parameter], branch["counted_impacts"].mean("recorded_cycle"),
-                  color=style["color"], linewidth=1.1)
+def _impacts(axis, sweep, gear_pair, claims):
+    """Counted impacts per cycle at the drive flank, and at the coast flank where there are any."""
+    for branch, look in sweep_parts.branches(sweep):
+        x = branch[sweep_parts.parameter_of(sweep)].values
+        axis.plot(x, branch["counted_impacts"].mean("recorded_cycle"), color=look["color"],
+                  linewidth=1.0 + 0.4 * look["size"])
         back = branch["counted_back_impacts"].mean("recorded_cycle")
-        axis.plot(branch[parameter], back.where(back > 0), linestyle="", marker="v",
-                  markersize=3, color=style["color"])
-    axis.set_ylabel("impacts per cycle")
+        axis.plot(x, back.where(back > 0), linestyle="", marker="v", markersize=2 + look["size"],
+                  markeredgewidth=0, color=look["color"])
+    for claim in claims:
+        if np.isfinite(claim.impacts):
+            sweep_parts.claim_marker(axis, claim.value, claim.impacts)
+    axis.set_ylabel("impacts\nper cycle")
     axis.set_ylim(bottom=0)
-    threshold = 100 * sweep.attrs["count_depth"]
     axis.yaxis.get_major_locator().set_params(integer=True)
+    threshold = 100 * float(sweep.attrs["count_depth"])
     return (f"impacts per cycle after flights deeper than {threshold:g} % of the cycle's deepest; "
-            "▾ back impacts")
+            "▾ at the coast flank")
 
 
-def _periods(axis, sweep, parameter):
-    """Period in mesh cycles; motions without one in a row of their own."""
-    highest = 8
-    for start, style in _branches(sweep):
-        period = sweep["period"].sel(start=start).values
-        shown = np.where(period == 0, highest + 2, np.minimum(period, highest))
-        axis.plot(sweep[parameter], shown, linestyle="", marker="s", markersize=2.2,
-                  color=style["color"])
-    axis.set_yticks([1, 2, 4, 6, highest, highest + 2], ["1", "2", "4", "6", f"≥{highest}", "none"])
-    axis.set_ylim(0.2, highest + 3)
+def _periods(axis, sweep, gear_pair, claims):
+    """Period in mesh cycles; motions without one, and failed runs, in rows of their own."""
+    none, lost = HIGHEST_PERIOD + 2, HIGHEST_PERIOD + 4
+    rows = [1, 2, 4, 6, HIGHEST_PERIOD, none]
+    labels = ["1", "2", "4", "6", f"≥{HIGHEST_PERIOD}", "none"]
+    if bool((sweep["status"] != 0).any()):
+        rows, labels = [*rows, lost], [*labels, "failed"]
+    for branch, look in sweep_parts.branches(sweep):
+        x = branch[sweep_parts.parameter_of(sweep)].values
+        period, fails = branch["period"].values, branch["status"].values != 0
+        shown = np.where(period == 0, none, np.minimum(period, HIGHEST_PERIOD))
+        axis.plot(x[~fails], shown[~fails], linestyle="", marker="s", color=look["color"],
+                  markersize=1.2 + 1.3 * look["size"], markeredgewidth=0)
+        axis.plot(x[fails], np.full(np.sum(fails), lost), linestyle="", marker="x", markersize=4,
+                  color=look["color"])
+    axis.set_yticks(rows, labels)
+    axis.set_ylim(0, rows[-1] + 1)
     axis.set_ylabel("period\n(mesh cycles)")
     return "period of the motion"
 
 
-def _draw_claims(axis, claims):
-    """Values somebody else reports, with what they say of them."""
-    for value, depth, text in claims:
-        axis.plot(value, 1e3 * depth, marker="D", markersize=6, markerfacecolor="none",
-                  markeredgecolor="#CC79A7", markeredgewidth=1.6, linestyle="")
-        axis.annotate(text, (value, 1e3 * depth), xytext=(9, 16), textcoords="offset points",
-                      fontsize=8.5, color="#8F3F6E",
-                      arrowprops={"arrowstyle": "-", "color": "#8F3F6E", "linewidth": 0.7})
-
-
-def _legend(axis, sweep):
-    """One entry for each branch, with markers that can be seen."""
-    from matplotlib.lines import Line2D
-
-    handles = [Line2D([], [], linestyle="", marker="o", markersize=5, color=style["color"],
-                      label=style["label"]) for _, style in reversed(_branches(sweep))]
-    axis.legend(handles=handles, loc="lower right", fontsize=9, framealpha=0.95)
-
-
-def save(figure, path):
-    """Write a figure; the format follows from the name."""
-    figure.savefig(path, dpi=170)
+__all__ = ["draw", "orbit_diagram", "save"]

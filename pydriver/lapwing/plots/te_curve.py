@@ -1,0 +1,131 @@
+"""The transmission error curve: knots, slopes, kinks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lapwing.plots import style
+
+# The curve is drawn this far beyond one mesh period, to show how it goes on.
+BEYOND = 0.12
+POINTS = 60
+FEW_KNOTS = 40
+
+
+@style.house_style()
+def draw(te, gear_pair=None):
+    """Draw value and slope against mesh phase.
+
+    Parameters
+    ----------
+    te : xarray.Dataset, group `transmission_error` of a result file
+    gear_pair : mapping or None; not needed, taken for the sake of one signature
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure = style.new_figure(8.5, 6.6)
+    axes = figure.subplots(2, 1, sharex=True, height_ratios=(1.3, 1))
+    knots, kinks = te["knots"].values, te["kinks"].values.astype(bool)
+    for axis, order in zip(axes, (0, 1), strict=True):
+        _curve(axis, te, order)
+        for phase in _copies(knots[:-1][kinks]):
+            axis.axvline(phase, color=style.VERMILION, linewidth=1.0, linestyle=(0, (5, 3)))
+        axis.axvspan(-BEYOND, 0, color="0.95", linewidth=0, zorder=0)
+        axis.axvspan(1, 1 + BEYOND, color="0.95", linewidth=0, zorder=0)
+    if len(kinks) <= FEW_KNOTS:
+        _knots(axes, te)
+    else:
+        axes[0].plot(knots, np.full(knots.size, 0.03), linestyle="", marker="|", markersize=7,
+                     color=style.BLACK, markeredgewidth=0.6, rasterized=True,
+                     transform=axes[0].get_xaxis_transform(), label="knots")
+    _slopes_at_kinks(axes[1], te)
+    _labels(figure, axes, te)
+    return figure
+
+
+def _labels(figure, axes, te):
+    count, kinks = te["kinks"].size, int(te["kinks"].sum())
+    span = style.URAD * float(te.attrs["peak_to_peak"])
+    pieces = f"{count} polynomial {'pieces' if count > 1 else 'piece'}"
+    axes[0].set_title(f"(a) transmission error: {span:.4g} µrad peak to peak, {pieces}, "
+                      f"{kinks or 'no'} {'kink' if kinks == 1 else 'kinks'}")
+    axes[1].set_title("(b) slope" + ("; ○ left and ● right of a kink" if kinks else ""))
+    axes[0].set_ylabel("Δφ (µrad)")
+    axes[1].set_ylabel("dΔφ/dphase\n(µrad per mesh period)")
+    axes[1].set_xlabel("mesh phase (mesh periods); shaded: the next periods")
+    axes[1].set_xlim(-BEYOND, 1 + BEYOND)
+    for axis in axes:
+        style.arcsec_scale(axis)
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+    figure.suptitle(_short(f"transmission error: {te.attrs['source']}"))
+
+
+def _short(text, room=90):
+    return text if len(text) <= room else text[:room - 1] + "…"
+
+
+def _copies(phases):
+    """Phases of one period and the same a period away, as far as they are drawn."""
+    phases = np.concatenate([np.asarray(phases) + shift for shift in (-1, 0, 1)])
+    return phases[(phases >= -BEYOND) & (phases <= 1 + BEYOND)]
+
+
+def _evaluate(coefficients, t, order):
+    """Value or slope, µrad, of a piece at distances t from its knot."""
+    polynomial = np.polynomial.Polynomial(coefficients)
+    return style.URAD * (polynomial.deriv(order) if order else polynomial)(t)
+
+
+def _curve(axis, te, order):
+    """All pieces as one line, broken at kinks."""
+    knots, kinks = te["knots"].values, te["kinks"].values.astype(bool)
+    x, y = [], []
+    for i, coefficients in enumerate(te["coefficients"].values):
+        if kinks[i]:
+            x.append([knots[i]])
+            y.append([np.nan])
+        t = np.linspace(0, knots[i + 1] - knots[i], POINTS)
+        x.append(knots[i] + t)
+        y.append(_evaluate(coefficients, t, order))
+    x, y = np.concatenate(x), np.concatenate(y)
+    for shift in (-1, 0, 1):
+        axis.plot(x + shift, y, color=style.BLUE, linewidth=1.8 if shift == 0 else 1.0)
+    axis.axhline(0, color=style.WALL, linewidth=0.6)
+
+
+def _knots(axes, te):
+    """Knots as dots on the curve and, where it is smooth, on its slope."""
+    kinks = te["kinks"].values.astype(bool)
+    coefficients = te["coefficients"].values
+    for axis, order, rows in ((axes[0], 0, ~kinks), (axes[1], 1, ~kinks), (axes[0], 0, kinks)):
+        if not np.any(rows):
+            continue
+        kink = rows is kinks
+        phases = te["knots"].values[:-1][rows]
+        values = np.array([_evaluate(row, 0.0, order) for row in coefficients[rows]])
+        repeated = _copies(phases)
+        values = values[[np.argmin(np.abs((phase - phases + 0.5) % 1 - 0.5))
+                         for phase in repeated]]
+        axis.plot(repeated, values, linestyle="", zorder=4, markersize=8 if kink else 5,
+                  marker="D" if kink else "o", color=style.VERMILION if kink else style.BLACK,
+                  label="kink" if kink else "knot")
+
+
+def _slopes_at_kinks(axis, te):
+    """Left slope open, right slope filled, with the jump in figures."""
+    kinks = np.flatnonzero(te["kinks"].values)
+    knots, coefficients = te["knots"].values, te["coefficients"].values
+    for i in kinks:
+        left = _evaluate(coefficients[i - 1], np.diff(knots)[i - 1], 1)
+        right = _evaluate(coefficients[i], 0.0, 1)
+        for phase in _copies([knots[i]]):
+            axis.plot([phase, phase], [left, right], linestyle="", marker="o", markersize=6,
+                      markerfacecolor="white", markeredgecolor=style.VERMILION, zorder=4)
+            axis.plot(phase, right, marker="o", markersize=6, color=style.VERMILION, zorder=5)
+        if len(kinks) <= 4:
+            axis.annotate(f"jump {right - left:+.4g}", (knots[i], 0.5 * (left + right)),
+                          xytext=(6, 10), textcoords="offset points", fontsize=8.5,
+                          color=style.VERMILION)

@@ -1,0 +1,63 @@
+"""Result files for the tests of the figures: small, and one for each kind of motion."""
+
+import numpy as np
+
+from helpers import PAIR, SHIPPED, scene_a, scene_d
+from lapwing import TransmissionError, sweep
+from lapwing.results import read_results, write_results
+from lapwing.studies.response import response
+
+SHORT = {"settle_cycles": 40, "record_cycles": 20, "samples_per_cycle": 200, "rtol": 1e-6}
+CLAIM = {"claim_impacts_per_cycle": 3, "claim_deepest_separation": 0.00063,
+         "claim_text": "3 impacts per cycle"}
+RESPONSES = {
+    # name: oscillator, further arguments
+    "periodic": (scene_a(1.8), {"brake_torque": 1.8, **CLAIM}),
+    "aperiodic": (scene_a(0.8), {"brake_torque": 0.8, "settle_cycles": 5}),
+    "engaged": (scene_a(14), {"brake_torque": 14, "settle_cycles": 80}),
+    "rigid": (scene_a(3.3, "relative", contact_law="rigid"), {"brake_torque": 3.3}),
+    "rigid_engaged": (scene_a(1000, "relative", contact_law="rigid"), {"brake_torque": 1000}),
+    "chatter": (scene_d(5.5), {"brake_torque": 5.5}),
+    "compliant": (scene_a(1.8, "relative", contact_law="compliant"), {"brake_torque": 1.8}),
+    "one_flank": (scene_a(1.8, "relative", gap="one_flank"), {"brake_torque": 1.8}),
+    "standing": (scene_a(0.2, "relative", back_flank_te=False), {"brake_torque": 0.2}),
+    "failed": (scene_d(5.5), {"brake_torque": 5.5, "max_events_per_cycle": 3}),
+    "single_cycle": (scene_a(1.8), {"brake_torque": 1.8, "record_cycles": 1}),
+}
+CURVES = {
+    "table": SHIPPED, "kinked": TransmissionError.parabola(125e-6),
+    "harmonic": TransmissionError.harmonic([17e-6], [0.0], [1]),
+    "flat": TransmissionError.from_hermite([0.0], [0.0], [0.0])}
+
+
+def make_sweeps():
+    """A normal one, one whose points fail, one of another parameter, one without impacts."""
+    options = {"settle": 30, "record": 20, "impact_law": "absolute", "pinion_speed_rpm": 240}
+    impacts = {"observe": ("cycles", "impacts"), "max_impacts": 60}
+    speed = {key: options[key] for key in ("settle", "record", "impact_law")}
+    return {
+        "torque": sweep(PAIR, SHIPPED, values=np.linspace(1, 14, 14), **impacts, **options),
+        "failed": sweep(PAIR, SHIPPED, values=[1.0, 12.0, 14.0], max_events_per_cycle=2,
+                        **impacts, **options),
+        "speed": sweep(PAIR, SHIPPED, parameter="pinion_speed_rpm", brake_torque=3.3,
+                       values=[100, 200, 400], **impacts, **speed),
+        "plain": sweep(PAIR, SHIPPED, values=[5.0, 14.0], starts=("rest",), **options)}
+
+
+def make_results(folder):
+    """Write a result file with everything in it; returns it open."""
+    responses = [response(osc, PAIR, name=name, **(SHORT | options))
+                 for name, (osc, options) in RESPONSES.items()]
+    write_results(folder / "result.nc", deck_name="test", deck_text="", used_text="",
+                  used_hash="0", pair=PAIR, te=SHIPPED, osc=scene_a(1.0), responses=responses,
+                  sweeps=make_sweeps())
+    return read_results(folder / "result.nc")
+
+
+def make_curve(folder, name):
+    """Group `transmission_error` of a file with another curve."""
+    te = CURVES[name]
+    write_results(folder / f"{name}.nc", deck_name="test", deck_text="", used_text="",
+                  used_hash="0", pair=PAIR, te=te, responses=[], sweeps={},
+                  osc=PAIR.oscillator(te, brake_torque=1.0, pinion_speed_rpm=240))
+    return read_results(folder / f"{name}.nc")

@@ -1,0 +1,195 @@
+"""Every figure is drawn from the file alone, for every kind of motion, and says its units."""
+
+import re
+import subprocess
+import sys
+import warnings
+from importlib import import_module
+
+import numpy as np
+import pytest
+from plot_data import CURVES, RESPONSES, make_curve, make_results
+
+from lapwing import plots
+from lapwing.plots import style
+from lapwing.plots.trajectory import path
+
+SWEEPS = ("torque", "failed", "speed", "plain")
+UNIT = re.compile(r"\((µrad|arcsec|N|N·m|rad/s|mm/s|mN·s|ms|rpm|Hz|mesh periods|mesh cycles|"
+                  r"multiples of the mesh frequency|µrad per mesh period|µrad per τ)[;)]")
+# Placing everything takes long, so it is done for the responses most unlike each other only.
+LAID_OUT = ("chatter", "failed", "engaged", "rigid_engaged")
+WITHOUT_UNIT = ("impacts\nper cycle", "recorded mesh cycle")
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    with make_results(tmp_path_factory.mktemp("plots")) as results:
+        yield results
+
+
+def draw(module, dataset, pair, laid_out=False, **options):
+    """Figure of a module; a warning of the drawing library is an error."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        figure = import_module(f"lapwing.plots.{module}").draw(dataset, pair, **options)
+        if laid_out:
+            figure.draw_without_rendering()
+    return figure
+
+
+def labels(figure):
+    """All axis labels, those of second scales as well."""
+    axes = [one for axis in figure.axes for one in (axis, *axis.child_axes)]
+    return [text for axis in axes for text in (axis.get_xlabel(), axis.get_ylabel()) if text]
+
+
+def texts(figure):
+    """Everything written inside the panels, and the heading."""
+    return [figure.get_suptitle(), *(text.get_text() for axis in figure.axes
+                                     for text in axis.texts)]
+
+
+def assert_units(figure):
+    found = labels(figure)
+    assert found
+    for label in found:
+        assert UNIT.search(label) or label in WITHOUT_UNIT, label
+
+
+@pytest.mark.parametrize("module", plots.RESPONSE_FIGURES)
+@pytest.mark.parametrize("name", RESPONSES)
+def test_a_response_is_drawn(results, module, name):
+    figure = draw(module, results.response(name), results.gear_pair, name in LAID_OUT)
+    assert_units(figure)
+    assert name in figure.get_suptitle()
+
+
+@pytest.mark.parametrize("module", plots.RESPONSE_FIGURES)
+def test_a_response_is_drawn_without_its_gear_pair(results, module):
+    assert_units(draw(module, results.response("periodic"), None))
+
+
+@pytest.mark.parametrize("module", plots.SWEEP_FIGURES)
+@pytest.mark.parametrize("name", SWEEPS)
+def test_a_sweep_is_drawn(results, module, name):
+    assert_units(draw(module, results.sweep(name), results.gear_pair, laid_out=True))
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_a_transmission_error_is_drawn(tmp_path, name):
+    with make_curve(tmp_path, name) as results:
+        figure = draw("te_curve", results.transmission_error, results.gear_pair, laid_out=True)
+    assert_units(figure)
+    heading = figure.axes[0].get_title("left")
+    assert ("1 kink" in heading) == (name == "kinked")
+
+
+def test_what_is_not_there_is_said(results):
+    def said(module, name):
+        return " ".join(texts(draw(module, results.response(name), results.gear_pair)))
+
+    for module in plots.RESPONSE_FIGURES:
+        assert "the run failed (too many events)" in said(module, "failed")
+    assert "no impact in 20 recorded cycles" in said("impact_section", "engaged")
+    for module in ("history", "spectrum"):
+        assert "rigid contact" in said(module, "rigid")
+    assert "coast flank at −2000 µrad" in said("phase_portrait", "periodic")
+    assert "coast flank" not in said("phase_portrait", "one_flank")
+
+
+def test_counts_come_with_their_threshold(results):
+    figure = draw("history", results.response("periodic"), results.gear_pair)
+    assert "3 impacts per cycle (flights deeper than 1 %)" in figure.get_suptitle()
+    figure = draw("orbit_diagram", results.sweep("torque"), results.gear_pair)
+    assert any("deeper than 1 %" in axis.get_title("left") for axis in figure.axes)
+
+
+def test_a_sweep_shows_the_critical_torque_and_the_claims(results):
+    claims = plots._claims(results, "torque")
+    assert len(claims) == 1 and claims[0].impacts == 3 and claims[0].value == 1.8
+    figure = draw("orbit_diagram", results.sweep("torque"), results.gear_pair, claims=claims)
+    assert any("T_full = 11.917" in text for text in texts(figure))
+    figure = draw("deepest_separation", results.sweep("torque"), results.gear_pair)
+    assert any("source: 630 µrad" in text for text in texts(figure))
+    markers = [line for line in figure.axes[0].lines if line.get_marker() == "D"]
+    assert [line.get_xydata().tolist() for line in markers] == [[[1.8, pytest.approx(630)]]]
+
+
+def test_failed_points_of_a_sweep_have_a_row_of_their_own(results):
+    strip = draw("orbit_diagram", results.sweep("failed"), results.gear_pair).axes[3]
+    rows = dict(zip([label.get_text() for label in strip.get_yticklabels()],
+                    strip.get_yticks(), strict=True))
+    crosses = [line for line in strip.lines if line.get_marker() == "x"]
+    failed = int((results.sweep("failed")["status"] != 0).sum())
+    assert failed > 0
+    assert sum(line.get_xdata().size for line in crosses) == failed
+    assert all(np.all(line.get_ydata() == rows["failed"]) for line in crosses)
+
+
+def test_a_path_is_cut_at_impacts_and_coloured_by_state(results):
+    response = results.response("periodic")
+    track = path(response, 2)
+    assert np.all(np.diff(track.position) >= 0)
+    x, _ = track.jumps([1], track.phi, track.phi_dot)
+    assert np.count_nonzero(np.isnan(x)) == 2 * 3
+    # Jumps happen on the flank, and only separation lies below it, by more than rounding.
+    assert np.nanmax(np.abs(x)) < 1e-12
+    for state, sign in ((0, -1), (1, 1)):
+        _, phi = track.stretches(state, track.position, track.phi)
+        assert np.nanmin(sign * phi) > -1e-12
+
+
+def test_a_refined_path_keeps_its_nodes_and_follows_the_motion(results):
+    """Halving samples and refining again loses no more than a cubic piece may."""
+    response = results.response("engaged")
+    track = path(response.isel(sample=slice(None, None, 2)), 2).refined(response, 2)
+    full = path(response, 2)
+    inner = np.interp(full.position, track.position, np.arange(track.position.size))
+    index = np.round(inner).astype(int)[:-2]
+    np.testing.assert_allclose(track.position[index], full.position[:-2], atol=1e-12)
+    # Spacing h of the halved samples; max|φ''''| is about the amplitude, the rest curvature jumps.
+    h = 2 * np.pi / float(response.attrs["mesh_frequency_ratio"]) / 100
+    allowed = (h**2 / 8) * np.ptp(full.phi)
+    assert np.max(np.abs(track.phi[index] - full.phi[:-2])) < allowed
+
+
+def test_all_figures_are_written_the_same_twice(results, tmp_path, monkeypatch):
+    monkeypatch.setattr(plots, "RESPONSE_FIGURES", ("history", "phase_portrait"))
+    small = type("Small", (), {
+        "attrs": results.attrs, "gear_pair": results.gear_pair, "responses": ("periodic",),
+        "sweeps": (), "response": results.response, "sweep": results.sweep,
+        "transmission_error": results.transmission_error})()
+    first = plots.draw_all(small, tmp_path / "a")
+    second = plots.draw_all(small, tmp_path / "b", formats=("png",))
+    names = {one.name for one in first}
+    assert {"history_periodic.png", "phase_portrait_periodic.pdf", "te_curve.png"} <= names
+    assert len(first) == 2 * (len(plots.RESPONSE_FIGURES) + 1)
+    for one in second:
+        assert one.read_bytes() == (tmp_path / "a" / one.name).read_bytes()
+
+
+def test_the_readers_own_settings_change_nothing(results):
+    import matplotlib
+
+    with matplotlib.rc_context({"font.size": 30, "axes.grid": False}):
+        figure = draw("impact_section", results.response("periodic"), results.gear_pair)
+        assert figure.axes[0].xaxis.label.get_size() == style.RC["font.size"]
+        assert matplotlib.rcParams["font.size"] == 30
+
+
+def test_figures_need_no_engine(results, tmp_path):
+    program = (
+        "import sys\n"
+        "from lapwing.results import read_results\n"
+        "from lapwing.plots import style, history, orbit_diagram\n"
+        f"with read_results({str(results.path)!r}) as results:\n"
+        "    pair = results.gear_pair\n"
+        f"    style.save(history.draw(results.response('periodic'), pair), {str(tmp_path)!r}"
+        " + '/a.pdf')\n"
+        "    orbit_diagram.draw(results.sweep('torque'), pair)\n"
+        "loaded = [name for name in sys.modules if name == 'matplotlib.pyplot' or name.startswith("
+        "('lapwing.engine', 'lapwing._engine', 'lapwing.studies'))]\n"
+        "assert not loaded, loaded\n")
+    subprocess.run([sys.executable, "-c", program], check=True)
+    assert (tmp_path / "a.pdf").stat().st_size > 0
