@@ -1,6 +1,6 @@
 # Every target first makes the environment in .venv ready (.build/environment.py says when it is).
 PYTHON ?= python3
-DECK ?= inputs/lapping_25x32.py
+DECK ?= inputs/lapping_25x32.nml
 
 # The caller's own Python settings must not leak into the environment.
 unexport PYTHONPATH PYTHONHOME
@@ -16,7 +16,7 @@ NEED_PYTHON := Lapwing needs Python 3.11 or newer, as in: make PYTHON=python3.13
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
 	@echo "  PYTHON=... (>= 3.11) chooses the interpreter, FC=... the Fortran compiler,"
-	@echo "  DECK=... the input file that make run takes."
+	@echo "  DECK=... the deck that make run takes."
 
 env: ## make .venv ready: compiler, dependencies, the package itself
 	@command -v $(PYTHON) >/dev/null || { echo "$(PYTHON): not found; $(NEED_PYTHON)" >&2; exit 1; }
@@ -24,8 +24,8 @@ env: ## make .venv ready: compiler, dependencies, the package itself
 	    { echo "$(PYTHON) is too old; $(NEED_PYTHON)" >&2; exit 1; }
 	@$(PYTHON) .build/environment.py
 
-run: env ## run the shipped input file; it writes into results/
-	@$(ACTIVATED) python $(DECK)
+run: env ## run the shipped deck; it writes into results/
+	@$(ACTIVATED) lapwing run $(DECK)
 
 test: env ## Fortran and Python tests
 	@$(ACTIVATED) python .build/run_tests.py

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+
 from lapwing import EventKind, GearPair, Oscillator, TransmissionError
 
 ROOT = Path(__file__).parents[1]

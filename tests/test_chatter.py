@@ -5,6 +5,7 @@ import math
 import mpmath as mp
 import numpy as np
 import pytest
+
 from helpers import EPS, events, kinds, oscillator
 from lapwing import EventKind, MotionState, TransmissionError, simulate
 

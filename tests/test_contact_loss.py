@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+
 from helpers import EPS, PAIR, events, kinds, oscillator, scene_a, scene_d
 from lapwing import (
     EventKind,
@@ -94,8 +95,7 @@ def test_engaged_above_the_critical_torque_and_not_below(scene):
     # Rattling may coexist (model.md, section 9), so the start is the engaged motion itself.
     osc = build(torque * (1 + 1e-4))
     engaged = engaged_response(osc)
-    start = ("engagement", float(engaged.penetration(0.5)),
-             float(engaged.penetration(0.5, 1)) / osc.period)
+    start = ("engagement", float(engaged.penetration(0.5)), float(engaged.penetration(0.5, 1)))
     above = simulate(osc, start, phase=0.5, cycles=40)
     assert above.status == Status.OK
     assert not above.cycles["releases"].any() and not above.cycles["impacts"].any()

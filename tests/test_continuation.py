@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from helpers import EPS, dataset_bytes, oscillator, scene_a, scene_c, scene_d
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from helpers import EPS, dataset_bytes, oscillator, scene_a, scene_c, scene_d
 from lapwing import Status, TransmissionError, engine, simulate
 
 CYCLES = 6

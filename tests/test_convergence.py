@@ -7,6 +7,7 @@ import json
 from functools import cache
 
 import numpy as np
+
 from helpers import ROOT, events, scene_a, scene_c
 from lapwing import EventKind, Status, simulate
 

@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
+
 from helpers import EPS, events, kinds, oscillator, scene_a
 from lapwing import EventKind, MotionState, Status, TransmissionError, simulate
 from lapwing.studies.period import find_period
-from scipy.optimize import brentq
 
 K = EventKind
 LAWS = ("restitution", "compliant", "rigid")

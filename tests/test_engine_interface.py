@@ -8,12 +8,13 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 
-import lapwing
 import numpy as np
 import pytest
+from lapwing._engine import api
+
+import lapwing
 from helpers import EPS, ROOT, SHIPPED, dataset_bytes, scene_a, scene_c, scene_d
 from lapwing import Status, codes, engine, simulate
-from lapwing._engine import api
 from lapwing.threads import default_threads
 
 FORTRAN = ROOT / "fortran"

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from lapwing.gear_pair import GearPair
 from lapwing.transmission_error import TransmissionError
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+
 from helpers import EPS, events, kinds, oscillator
 from lapwing import EventKind, MotionState, TransmissionError, simulate
 

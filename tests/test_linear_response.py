@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lapwing.linear_response import critical_force, critical_torque, engaged_response
+
 from lapwing.gear_pair import GearPair
+from lapwing.linear_response import critical_force, critical_torque, engaged_response
 from lapwing.oscillator import Oscillator
 from lapwing.transmission_error import TransmissionError
 

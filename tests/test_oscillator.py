@@ -7,6 +7,7 @@ from dataclasses import FrozenInstanceError
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from lapwing.codes import ContactLaw, EventKind, Flank, Gap, ImpactLaw, MotionState, Status
 from lapwing.oscillator import Oscillator, names
 from lapwing.transmission_error import TransmissionError

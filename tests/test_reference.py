@@ -16,6 +16,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+
 from helpers import EPS, PAIR, ROOT
 from lapwing import EventKind, MotionState, Status, TransmissionError, simulate
 

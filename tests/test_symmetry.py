@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from helpers import EPS, PAIR, SHIPPED, events, oscillator
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from helpers import EPS, PAIR, SHIPPED, events, oscillator
 from lapwing import EventKind, GearPair, TransmissionError, simulate
 
 LAWS = [("restitution", "relative"), ("restitution", "absolute"), ("compliant", "relative"),
@@ -15,19 +16,24 @@ MIRROR = {kind: EventKind[kind.name.removeprefix("BACK_") if kind.name.startswit
 # The same motion computed in other roundings: some 20 EPS of P per event time, and growth of at
 # most 1e4 over the one or two cycles compared (the reference's largest over two cycles is 8e3).
 SAME_TIME = 20 * EPS * 1e4
+# With other knots steps in contact end elsewhere: errors of rtol = 1e-10, growth of 1e3 (as above,
+# less the steps' share of rtol).
+SAME_TO_RTOL = 1e-10 * 1e3
 
+# Numbers off the binary grid: exact coincidences, such as an impact on a kink, are no matter of
+# symmetry (test_decisions.py has them).
 tables = st.builds(
     lambda value, slope, jump: TransmissionError.from_hermite(
-        [0.0, 0.25, 0.625], np.array(value) / 64, np.array(slope) / 16,
-        (np.array(slope) + np.array(jump)) / 16),
+        [0.0, 0.25, 0.625], np.array(value) / 61, np.array(slope) / 17,
+        (np.array(slope) + np.array(jump)) / 17),
     *(st.lists(st.integers(-32, 32), min_size=3, max_size=3) for _ in range(2)),
     st.lists(st.sampled_from([0, 0, 7, -9]), min_size=3, max_size=3))
 scenes = st.fixed_dictionaries({
-    "te": tables, "force": st.sampled_from([0.25, 1.0, 2.0, 0.0]),
-    "period": st.sampled_from([1.0, 4.0, 16.0]), "restitution": st.sampled_from([0.0, 0.5, 0.8]),
-    "backlash": st.sampled_from([0.5, 2.0]), "damping_ratio": st.sampled_from([0.0, 0.25]),
+    "te": tables, "force": st.sampled_from([0.2371, 1.013, 1.931]),
+    "period": st.sampled_from([1.0, 4.1, 15.7]), "restitution": st.sampled_from([0.0, 0.5, 0.8]),
+    "backlash": st.sampled_from([0.513, 2.017]), "damping_ratio": st.sampled_from([0.0, 0.23]),
     "laws": st.sampled_from(LAWS)})
-starts = st.sampled_from(["rest", ("separation", -0.25, 0.0), ("separation", -0.125, -0.5)])
+starts = st.sampled_from(["rest", ("separation", -0.2531, 0.0), ("separation", -0.1217, -0.513)])
 
 
 def build(scene, sign=1.0, **changes):
@@ -42,45 +48,41 @@ def build(scene, sign=1.0, **changes):
                       impact_law=impact_law)
 
 
-def settled(run, n):
-    """The first events, without the bounces of a chatter near its end and all after it."""
-    table = {name: run.events[name].values[:n] for name in run.events}
-    ends = np.flatnonzero(np.isin(table["kind"], [EventKind.CHATTER_END,
-                                                  EventKind.BACK_CHATTER_END]))
-    if ends.size:
-        end = table["tau"][ends[0]]
-        keep = table["tau"] < end - 1e-5 * run.oscillator.period
-        table = {name: column[keep] for name, column in table.items()}
-    return table
+def well_conditioned_until(run, n):
+    """Time before the first event that rounding can move far, remove or let change places.
 
-
-def assert_same(one, other, mirrored=False, n=25, tolerance=SAME_TIME):
-    """The same events at the same times; near-coincident events may change places.
-
-    Compared is what comes before the first slow meeting: where a tooth arrives with almost no
-    speed, its time is the root of rounding, and whether it arrives at all may differ.
+    Such are events very near to each other (a chatter ends in them) and slow meetings, where time
+    is the root of rounding.  Events at one and the same instant are one matter.
     """
-    one, other, osc = settled(one, n), settled(other, n), one.oscillator
+    osc = run.oscillator
+    tau, kind = run.events["tau"].values, run.events["kind"].values
+    gap = np.diff(tau)
+    close = tau[:-1][(gap > 0) & (gap < 1e-5 * osc.period)]
+    slow = tau[(np.abs(run.events["velocity_before"].values) < 1e-2 * osc.angle_scale / osc.period)
+               & (kind != EventKind.KINK)]
+    return min([run.final.tau, *tau[n:n + 1], *close[:1], *slow[:1]]) - 1e-6 * osc.period
+
+
+def assert_same(one, other, mirrored=False, n=12, tolerance=SAME_TIME):
+    """The same events at the same times, as far as both are well conditioned."""
+    osc = one.oscillator
+    end = min(well_conditioned_until(run, n) for run in (one, other))
+    one, other = ({name: run.events[name].values[run.events["tau"].values < end]
+                   for name in run.events} for run in (one, other))
     kind = [MIRROR[EventKind(k)] if mirrored else EventKind(k) for k in one["kind"]]
-    m = min(len(kind), len(other["kind"]))
-    close = np.flatnonzero(np.diff(one["tau"][:m]) < 1e-7 * osc.period)
-    m = min(m, close[0]) if close.size else m
-    slow = np.flatnonzero(np.abs(one["velocity_before"][:m]) < 1e-3 * osc.angle_scale / osc.period)
-    m = min(m, slow[0]) if slow.size else m
-    assert kind[:m] == [EventKind(k) for k in other["kind"][:m]]
-    assert np.abs(one["tau"][:m] - other["tau"][:m]).max(initial=0.0) <= tolerance * osc.period
+    assert kind == [EventKind(k) for k in other["kind"]]
+    assert np.abs(one["tau"] - other["tau"]).max(initial=0.0) <= tolerance * osc.period
     sign = -1.0 if mirrored else 1.0
-    speed = np.abs(one["velocity_after"][:m]).max(initial=0.0) + osc.angle_scale
-    assert np.abs(sign * one["velocity_after"][:m] - other["velocity_after"][:m]).max(
+    speed = np.abs(one["velocity_after"]).max(initial=0.0) + osc.angle_scale
+    assert np.abs(sign * one["velocity_after"] - other["velocity_after"]).max(
         initial=0.0) <= 1e3 * tolerance * speed
+    return len(kind)
 
 
 @given(scenes, starts)
 @settings(deadline=None, max_examples=150)
 def test_mirror_image_swaps_the_flanks(scene, start):
     """(F, g) -> (-F, -g): φ -> -θ0 - φ, drive flank <-> coast flank."""
-    if scene["force"] == 0 and start == "rest":
-        start = ("separation", -0.25, 0.0)  # with F = 0 rest is on the drive flank by decision k
     mirrored = start
     if start != "rest":
         mirrored = (start[0], -scene["backlash"] - start[1], -start[2])
@@ -94,8 +96,10 @@ def moved(te, shift):
     cells = np.arange(8) / 8
     at = np.sort((cells + shift) % 1)
     source = (at - shift) % 1
-    return TransmissionError.from_hermite(at, te.value(source), te.slope(source, "left"),
-                                          te.slope(source))
+    # A slope read from both sides of a smooth place differs by rounding; that is no kink.
+    right = te.slope(source)
+    left = np.where(np.isin(source, te.knots[:-1][te.kinks]), te.slope(source, "left"), right)
+    return TransmissionError.from_hermite(at, te.value(source), left, right)
 
 
 @given(scenes, st.integers(0, 7), starts)
@@ -104,16 +108,7 @@ def test_phase_origin(scene, shift, start):
     one = simulate(build(scene), start, phase=0.125, cycles=1.5)
     te = moved(scene["te"], shift / 8)
     other = simulate(build(scene, te=te), start, phase=(0.125 + shift / 8) % 1, cycles=1.5)
-    # The slopes read from the table are rounded: the kinks of the other are marked where slopes
-    # differ by a bit, too, which changes where steps end: errors of rtol, not of EPS.
-    assert_same_but_kinks(one, other)
-
-
-def assert_same_but_kinks(one, other, tolerance=1e-9 * 1e2):
-    """As `assert_same` for impacts, engagements and releases, at rtol = 1e-10 with growth 1e3."""
-    for run in (one, other):
-        run.events = run.events.isel(event=run.events["kind"].values != EventKind.KINK)
-    assert_same(one, other, n=8, tolerance=tolerance)
+    assert_same(one, other, tolerance=SAME_TO_RTOL)
 
 
 @given(scenes, starts, st.lists(st.floats(0.01, 0.99), min_size=1, max_size=4, unique=True))
@@ -127,7 +122,7 @@ def test_splitting_the_table(scene, start, cuts):
     split = TransmissionError(knots, rows, kinks)
     one = simulate(build(scene), start, cycles=1.5)
     other = simulate(build(scene, te=split), start, cycles=1.5)
-    assert_same_but_kinks(one, other)
+    assert_same(one, other, tolerance=SAME_TO_RTOL)
 
 
 units = st.tuples(*(st.sampled_from([1.0, 1e-3, 60.0, 0.3048, 1e6, 4.448]) for _ in range(3)))

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.interpolate import CubicSpline
+
 from lapwing.transmission_error import (
     TransmissionError,
     harmonic_derivative,
     stationary_points,
 )
 from lapwing.transmission_error_file import ANGLE_UNITS, TransmissionErrorFileError
-from scipy.interpolate import CubicSpline
 
 SHIPPED = Path(__file__).parents[1] / "inputs" / "te_25x32.csv"
 EPS = np.finfo(float).eps
@@ -336,7 +337,7 @@ def test_phase_in_pinion_rotation(tmp_path, unit, turn):
         f"{x * turn!r},{y}\n" for x, y in ((0.0, 1), (0.25, 2), (0.5, 0)))
     expected = TransmissionError.from_samples([0.0, 0.25, 0.5], [1, 2, 0])
     assert same(read(tmp_path, text, pinion_teeth=25), expected, 64 * EPS)
-    with pytest.raises(TransmissionErrorFileError, match="line 1, column 1: .*pinion_teeth"):
+    with pytest.raises(TransmissionErrorFileError, match=r"line 1, column 1: .*pinion_teeth"):
         read(tmp_path, text)
 
 

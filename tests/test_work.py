@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from helpers import EPS, events, kinds, oscillator, scene_a, scene_d
 from lapwing import EventKind, MotionState, Status, simulate
 

@@ -239,7 +239,7 @@ def hermite(rows, quintic):
     Rows: phase, value, slope[, curvature if quintic]; everything per mesh period.
     """
     pieces = []
-    for this, following in zip(rows, rows[1:] + [[rows[0][0] + 1, *rows[0][1:]]]):
+    for this, following in zip(rows, [*rows[1:], [rows[0][0] + 1, *rows[0][1:]]], strict=True):
         h = following[0] - this[0]
         y0, d0, y1, d1 = this[1], this[2] * h, following[1], following[2] * h
         if quintic:
@@ -268,7 +268,7 @@ def flank_pieces(scene, gear_ratio, period):
         raise ValueError("the TE table must start at phase 0")
     ends = [p for p, _ in table[1:]] + [mpf(1)]
     raw = []
-    for (phase, c), end in zip(table, ends):
+    for (phase, c), end in zip(table, ends, strict=True):
         length = (end - phase) * period
         g = [sign * gear_ratio * c[k] / period**k for k in range(len(c))]
         # what a Hermite formula leaves of a power that is absent is rounding: drop it

@@ -78,7 +78,7 @@ def text(x, digits=STORED_DIGITS):
 def growth_of(events, changed):
     """|d tau / d ln T| of each event; None from the first event that has no counterpart."""
     growth = []
-    for this, other in zip(events, changed):
+    for this, other in zip(events, changed, strict=False):
         if (this.kind, this.flank) != (other.kind, other.flank):
             break
         growth.append(abs(other.tau - this.tau) / mpf(TORQUE_CHANGE))
@@ -111,7 +111,8 @@ def run_record(name, scene, cycles):
     record["cycle_states"] = [
         {key: text(x) for key, x in s._asdict().items()} for s in trajectory.cycle_states
     ]
-    record["events"] = [event_record(*pair) for pair in zip(trajectory.events, growth)]
+    record["events"] = [event_record(*pair)
+                        for pair in zip(trajectory.events, growth, strict=True)]
     return record
 
 

@@ -1,0 +1,232 @@
+"""The command `lapwing`. Exit codes: 0; 1 some run failed numerically; 2 bad input; 130 Ctrl-C."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+# Before the imports that look at them: plugins and a thread pool cost more than `check` itself.
+os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import typer
+
+OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+app = typer.Typer(
+    name="lapwing", no_args_is_help=True, add_completion=False, rich_markup_mode=None,
+    pretty_exceptions_enable=False, context_settings={"help_option_names": ["-h", "--help"]},
+    help="""Nonlinear dynamics of lapping gear pairs under a braking torque.
+
+\b
+Examples:
+  lapwing new my_pair.nml                   write a commented deck to start from
+  lapwing check my_pair.nml                 say everything that is wrong with it
+  lapwing run my_pair.nml                   compute it into results/my_pair/
+  lapwing run decks/*.nml --threads 8       several decks; a bad one stops no other
+  lapwing run my_pair.nml --set operation.brake_torque=2 --out trial
+  lapwing plot results/my_pair/result.nc    draw its figures again
+""")
+
+Decks = Annotated[list[Path], typer.Argument(metavar="DECK...", help="namelist decks")]
+Settings = Annotated[list[str], typer.Option(
+    "--set", metavar="GROUP.KEY=VALUE", help="override a key of the deck; may be repeated")]
+
+
+@app.callback(invoke_without_command=True)
+def main_options(version: Annotated[bool, typer.Option(
+        "--version", help="print the version and how the engine was built")] = False):
+    """Options without a command."""
+    if version:
+        from lapwing import _build_info as build
+
+        print(f"lapwing {build.VERSION} ({build.COMPILER}, {build.FLAGS}, {build.BUILDTYPE})")
+        raise typer.Exit(OK)
+
+
+@app.command()
+def run(decks: Decks,
+        out: Annotated[Path, typer.Option(metavar="DIR", help="where results/<deck> go")]
+        = Path("results"),
+        threads: Annotated[int, typer.Option(
+            min=0, help="threads; 0: OMP_NUM_THREADS, SLURM_CPUS_PER_TASK or all processors")] = 0,
+        setting: Settings = [],  # noqa: B006 - typer copies it
+        force: Annotated[bool, typer.Option(
+            "--force", help="replace results of other values")] = False):
+    """Run decks: DIR/<deck>/ gets result.nc, figures, summary.md and used.nml.
+
+    \b
+    Examples:
+      lapwing run inputs/lapping_25x32.nml
+      lapwing run a.nml b.nml --out study --threads 4
+      lapwing run a.nml --set operation.pinion_speed_rpm=300 --set sweep.to=20 --out fast
+    """  # noqa: D301 - \b keeps click from wrapping the lines
+    from lapwing.threads import default_threads
+
+    _refuse_equal_stems(decks)
+    loaded, code = _load(decks, setting)
+    progress = None
+    if sys.stderr.isatty():
+        from lapwing.progress import Progress
+
+        progress = Progress()
+    for deck in loaded:
+        code = _worst(code, _run(deck, out, threads or default_threads(), force, progress))
+        if code == INTERRUPTED:
+            break
+    raise typer.Exit(code)
+
+
+@app.command()
+def check(decks: Decks, setting: Settings = []):  # noqa: B006
+    """Check decks without running them: every problem, with file, line and column.
+
+    \b
+    Example:
+      lapwing check decks/*.nml
+    """  # noqa: D301
+    loaded, code = _load(decks, setting)
+    for deck in loaded:
+        studies = f"{len(deck.responses)} responses, {len(deck.sweeps)} sweeps"
+        print(f"{deck.path}: good ({studies})")
+    raise typer.Exit(code)
+
+
+@app.command()
+def new(file: Annotated[Path | None, typer.Argument(
+        metavar="[FILE]", help="deck to write; without it the deck is printed")] = None):
+    """Write a commented deck to start from.
+
+    \b
+    Examples:
+      lapwing new my_pair.nml
+      lapwing new > my_pair.nml
+    """  # noqa: D301
+    from lapwing.deck import template_text
+
+    if file is None:
+        print(template_text(), end="")
+        raise typer.Exit(OK)
+    try:
+        with file.open("x", encoding="utf-8") as stream:
+            stream.write(template_text())
+    except FileExistsError:
+        _complain(f"{file}: exists already; it is left as it is")
+        raise typer.Exit(BAD_INPUT) from None
+    except OSError as error:
+        _complain(f"{file}: {error.strerror}")
+        raise typer.Exit(BAD_INPUT) from None
+    print(f"{file}: written; now: lapwing check {file}")
+
+
+@app.command()
+def plot(files: Annotated[list[Path], typer.Argument(metavar="RESULT.nc...", help="result files")],
+         out: Annotated[Path | None, typer.Option(
+             metavar="DIR", help="folder for the figures; default: beside the file")] = None):
+    """Draw every figure of result files again, from the files alone.
+
+    \b
+    Example:
+      lapwing plot results/lapping_25x32/result.nc --out figures
+    """  # noqa: D301
+    from lapwing.run import plot_file
+
+    code = OK
+    for file in files:
+        try:
+            for path in plot_file(file, out):
+                print(path)
+        except (OSError, ValueError) as error:
+            _complain(f"{file}: {error}")
+            code = BAD_INPUT
+    raise typer.Exit(code)
+
+
+def _refuse_equal_stems(decks):
+    """Two decks of one stem would write into one folder."""
+    seen = {}
+    for deck in decks:
+        if deck.stem in seen:
+            _complain(f"{seen[deck.stem]} and {deck} would both write results/{deck.stem}; "
+                      "rename one")
+            raise typer.Exit(BAD_INPUT)
+        seen[deck.stem] = deck
+
+
+def _load(paths, settings):
+    """Decks that are good, and the exit code of those that are not."""
+    from lapwing.deck import DeckError, load_deck
+
+    overrides, code = [], OK
+    for setting in settings:
+        key, equals, value = setting.partition("=")
+        if not equals:
+            _complain(f"--set {setting}: GROUP.KEY=VALUE is meant")
+            raise typer.Exit(BAD_INPUT)
+        overrides.append((key, value))
+    loaded = []
+    for path in paths:
+        try:
+            deck = load_deck(path, overrides)
+        except DeckError as error:
+            _complain(str(error))
+            code = BAD_INPUT
+            continue
+        for warning in deck.warnings:
+            _complain(str(warning))
+        loaded.append(deck)
+    return loaded, code
+
+
+def _run(deck, out, threads, force, progress):
+    """Run one deck and report; returns its exit code."""
+    from lapwing.run import FolderError, run_deck
+
+    try:
+        outcome = run_deck(deck, out, threads=threads, force=force, progress=progress)
+    except FolderError as error:
+        _complain(str(error))
+        return BAD_INPUT
+    except OSError as error:
+        _complain(f"{error.filename or out}: {error.strerror or error}")
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        _complain(f"{deck.stem}: interrupted")
+        return INTERRUPTED
+    finally:
+        if progress is not None:
+            progress.close()
+    if outcome.reused:
+        print(f"{deck.stem}: results of the same values are there already, reused: "
+              f"{outcome.folder}")
+        return OK
+    print(f"{deck.stem}: {'interrupted; what is finished lies in' if outcome.interrupted else ''}"
+          f"{'' if outcome.interrupted else 'done, results in'} {outcome.folder}")
+    for study in outcome.failed:
+        _complain(f"{deck.stem}: {study}: failed numerically, see status")
+    if outcome.interrupted:
+        return INTERRUPTED
+    return FAILED if outcome.failed else OK
+
+
+def _worst(one, other):
+    """The exit code that says most."""
+    order = (OK, FAILED, BAD_INPUT, INTERRUPTED)
+    return max(one, other, key=order.index)
+
+
+def _complain(text):
+    print(text, file=sys.stderr)
+
+
+def main():
+    """Entry point."""
+    try:
+        app(standalone_mode=True)
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(OK)
