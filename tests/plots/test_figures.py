@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from plot_data import CURVES, RESPONSES, make_curve, make_results
 
-from lapwing import plots
+from lapwing import Status, plots
 from lapwing.plots import style
 from lapwing.plots.trajectory import path
 
@@ -18,7 +18,7 @@ SWEEPS = ("torque", "failed", "speed", "plain")
 UNIT = re.compile(r"\((µrad|arcsec|N|N·m|rad/s|mm/s|mN·s|ms|rpm|Hz|mesh periods|mesh cycles|"
                   r"multiples of the mesh frequency|µrad per mesh period|µrad per τ)[;)]")
 # Placing everything takes long, so it is done for the responses most unlike each other only.
-LAID_OUT = ("chatter", "failed", "engaged", "rigid_engaged")
+LAID_OUT = ("chatter", "failed", "rigid_engaged")
 WITHOUT_UNIT = ("impacts\nper cycle", "recorded mesh cycle")
 
 
@@ -127,6 +127,20 @@ def test_failed_points_of_a_sweep_have_a_row_of_their_own(results):
     assert all(np.all(line.get_ydata() == rows["failed"]) for line in crosses)
 
 
+def test_an_interrupted_sweep_shows_what_was_done(results):
+    sweep = results.sweep("torque").load().copy(deep=True)
+    beyond = sweep["brake_torque"] > 6
+    sweep["status"] = sweep["status"].where(~beyond, Status.UNFINISHED).transpose("start", ...)
+    sweep = sweep.assign({name: sweep[name].where(~beyond).transpose("start", ...)
+                          for name in ("phi", "deepest_separation", "impact_velocity",
+                                       "counted_impacts", "counted_back_impacts")})
+    strip = draw("orbit_diagram", sweep, results.gear_pair, laid_out=True).axes[3]
+    assert "failed" not in [label.get_text() for label in strip.get_yticklabels()]
+    assert max(line.get_xdata().max(initial=0) for line in strip.lines
+               if line.get_marker() == "s") <= 6
+    draw("deepest_separation", sweep, results.gear_pair, laid_out=True)
+
+
 def test_a_path_is_cut_at_impacts_and_coloured_by_state(results):
     response = results.response("periodic")
     track = path(response, 2)
@@ -155,7 +169,7 @@ def test_a_refined_path_keeps_its_nodes_and_follows_the_motion(results):
 
 
 def test_all_figures_are_written_the_same_twice(results, tmp_path, monkeypatch):
-    monkeypatch.setattr(plots, "RESPONSE_FIGURES", ("history", "phase_portrait"))
+    monkeypatch.setattr(plots, "RESPONSE_FIGURES", ("phase_portrait",))
     small = type("Small", (), {
         "attrs": results.attrs, "gear_pair": results.gear_pair, "responses": ("periodic",),
         "sweeps": (), "response": results.response, "sweep": results.sweep,
@@ -163,7 +177,7 @@ def test_all_figures_are_written_the_same_twice(results, tmp_path, monkeypatch):
     first = plots.draw_all(small, tmp_path / "a")
     second = plots.draw_all(small, tmp_path / "b", formats=("png",))
     names = {one.name for one in first}
-    assert {"history_periodic.png", "phase_portrait_periodic.pdf", "te_curve.png"} <= names
+    assert {"phase_portrait_periodic.png", "phase_portrait_periodic.pdf", "te_curve.png"} <= names
     assert len(first) == 2 * (len(plots.RESPONSE_FIGURES) + 1)
     for one in second:
         assert one.read_bytes() == (tmp_path / "a" / one.name).read_bytes()

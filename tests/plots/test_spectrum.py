@@ -50,11 +50,12 @@ def test_the_resolution_is_stated():
     wave = np.cos(2 * np.pi * PHASE)
     response = xr.Dataset(
         {"phi": ("sample", 1e-6 * wave), "mesh_force": ("sample", np.full(n, np.nan)),
-         "dynamic_te": ("sample", 1e-6 * wave), "counts": ("cycle", np.zeros(CYCLES))},
-        attrs={"name": "wave", "status": 0, "period": 1, "mesh_frequency_ratio": 0.1,
+         "dynamic_te": ("sample", 1e-6 * wave), "cycle": ("sample", PHASE.astype(int)),
+         "cycle_phi": ("cycle", np.zeros(CYCLES))},
+        attrs={"name": "wave", "status": 0, "period": 3, "mesh_frequency_ratio": 0.1,
                "mesh_period_s": 0.01, "count_depth": 0.01})
     figure = draw(response)
     label = figure.axes[-1].get_xlabel()
-    assert "Hann window over 50 cycles" in label and "resolution 0.03 order" in label
+    assert "Hann window over 48 cycles" in label and "resolution 0.0312 order" in label
     curve = figure.axes[0].lines[0].get_xydata()
     assert curve[np.argmin(np.abs(curve[:, 0] - 1)), 1] == pytest.approx(1, rel=1e-3)

@@ -34,10 +34,10 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
                     + small * "\nlogarithmic but near 0")
     style.arcsec_scale(axis)
     _backlash(axis, gear_pair, top)
-    for claim in claims:
-        sweep_parts.claim_marker(axis, claim.value, style.URAD * claim.depth)
-        _claim_text(axis, claim)
     parameter = sweep_parts.parameter_of(sweep)
+    for place, claim in enumerate(sorted(claims)):
+        sweep_parts.claim_marker(axis, claim.value, style.URAD * claim.depth)
+        _claim_text(axis, claim, max(0.3, 0.66 - 0.11 * place), sweep[parameter].values)
     sweep_parts.mark_full_engagement(
         [axis], sweep_parts.full_engagement_of(sweep, full_engagement), axis,
         sweep[parameter].values, height=0.86)
@@ -68,10 +68,14 @@ def _backlash(axis, gear_pair, top):
               transform=axis.get_yaxis_transform(), ha="center", va="bottom")
 
 
-def _claim_text(axis, claim):
+def _claim_text(axis, claim, height, values):
+    """What is claimed, to the right of and above its marker, where the depths have fallen."""
+    span = values[-1] - values[0]
+    place = min(claim.value + 0.07 * span, values[-1] - 0.12 * span)
     depth = style.URAD * claim.depth
     words = f"source: {depth:.3g} µrad" if depth else "source: none"
-    axis.annotate(words, (claim.value, depth), xytext=(12, 42), textcoords="offset points",
+    axis.annotate(words, (claim.value, depth), xytext=(place, height),
+                  textcoords=axis.get_xaxis_transform(),
                   fontsize=8.5, color=style.CLAIM_TEXT, zorder=6,
                   bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1},
                   arrowprops={"arrowstyle": "-", "color": style.CLAIM_TEXT, "linewidth": 0.7})

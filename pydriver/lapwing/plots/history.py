@@ -100,9 +100,12 @@ def _mesh_force(axis, response, track, first, gear_pair):
         axis.set_yticks([])
         return "mesh force"
     position = response["cycle"].values[rows] + response["phase"].values[rows]
+    if not np.any(force):
+        style.note(axis, "zero in the cycles shown: never pressed", 0.7)
+        axis.set_yticks([])
     axis.plot(position, force, color=style.BLUE, linewidth=1.3)
     axis.axhline(0, color=style.WALL, linewidth=0.8)
-    if gear_pair is not None:
+    if gear_pair is not None and np.any(force):
         style.second_scale(axis, "right", float(gear_pair["pinion_base_lever"]),
                            "on the pinion (N·m)")
     mean, peak = (float(response.attrs.get(f"mesh_force_{key}", np.nan))

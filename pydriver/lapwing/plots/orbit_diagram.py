@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lapwing.codes import Status
 from lapwing.plots import style, sweep_parts
 from lapwing.plots.style import save
 
@@ -48,7 +49,7 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
     shown = [one for one in claims if np.isfinite(one.impacts) or (np.isfinite(one.depth)
              and _depths in panels)]
     sweep_parts.legend(figure, axes[0], sweep, claims=bool(shown),
-                       failed=bool((sweep["status"] != 0).any()))
+                       failed=bool(sweep_parts.failed(sweep).any()))
     return figure
 
 
@@ -133,13 +134,14 @@ def _periods(axis, sweep, gear_pair, claims):
     none, lost = HIGHEST_PERIOD + 2, HIGHEST_PERIOD + 4
     rows = [1, 2, 4, 6, HIGHEST_PERIOD, none]
     labels = ["1", "2", "4", "6", f"≥{HIGHEST_PERIOD}", "none"]
-    if bool((sweep["status"] != 0).any()):
+    if sweep_parts.failed(sweep).any():
         rows, labels = [*rows, lost], [*labels, "failed"]
     for branch, look in sweep_parts.branches(sweep):
         x = branch[sweep_parts.parameter_of(sweep)].values
-        period, fails = branch["period"].values, branch["status"].values != 0
+        period, fails = branch["period"].values, sweep_parts.failed(branch)
+        done = branch["status"].values == Status.OK
         shown = np.where(period == 0, none, np.minimum(period, HIGHEST_PERIOD))
-        axis.plot(x[~fails], shown[~fails], linestyle="", marker="s", color=look["color"],
+        axis.plot(x[done], shown[done], linestyle="", marker="s", color=look["color"],
                   markersize=1.2 + 1.3 * look["size"], markeredgewidth=0)
         axis.plot(x[fails], np.full(np.sum(fails), lost), linestyle="", marker="x", markersize=4,
                   color=look["color"])

@@ -77,6 +77,12 @@ def draw(response, gear_pair=None):
     return figure
 
 
+def _cycles_used(response):
+    """The last recorded cycles, whole periods of the motion: its lines then lie on bins."""
+    recorded, period = cycles_recorded(response), int(response.attrs["period"])
+    return recorded - recorded % period if 0 < period <= recorded else recorded
+
+
 def _highest_order(response):
     """Orders to show: the natural frequency with half as much again, within 8 and 40."""
     natural = 1 / float(response.attrs["mesh_frequency_ratio"])
@@ -93,7 +99,9 @@ def _panel(axis, response, quantity, highest):
         style.note(axis, style.motion(response.attrs) if style.failed(response) else
                    "none is computed: rigid contact")
         return
-    orders, amplitudes = order_spectrum(values, cycles_recorded(response))
+    cycles = _cycles_used(response)
+    used = response["cycle"].values >= cycles_recorded(response) - cycles
+    orders, amplitudes = order_spectrum(values[used], cycles)
     shown = orders <= highest
     top = amplitudes[shown].max()
     if top <= 0:
@@ -130,7 +138,7 @@ def _marks(axes, response, highest):
 
 def _resolution(response):
     """The window and what it can tell apart, and which lines mark what."""
-    cycles = cycles_recorded(response)
+    cycles = _cycles_used(response)
     period = int(response.attrs["period"])
     words = (f"Hann window over {cycles} cycles: bins 1/{cycles} order apart, "
              f"resolution {HANN_BANDWIDTH / cycles:.3g} order")

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lapwing.codes import Status
 from lapwing.plots import style
 
 AXIS_LABELS = {"brake_torque": "braking torque (N·m)", "drive_torque": "drive torque (N·m)",
@@ -53,6 +54,12 @@ def branches(sweep):
     starts = [str(start) for start in sweep["start"].values]
     return [(sweep.isel(start=starts.index(start)), style.START_STYLES[start])
             for start in style.DRAWING_ORDER if start in starts]
+
+
+def failed(dataset):
+    """Where a run failed numerically; points that an interrupted sweep never reached are not."""
+    status = dataset["status"].values
+    return (status != Status.OK) & (status != Status.UNFINISHED)
 
 
 def full_engagement_of(sweep, given):
