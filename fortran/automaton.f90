@@ -11,7 +11,7 @@ module lapwing_automaton
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_polynomial, only: max_degree
   use lapwing_rk4, only: rk4_step, rk4_move
-  use lapwing_step_control, only: error_ratio, after_accepted, after_rejected
+  use lapwing_step_control, only: step_memory_t, error_ratio, after_accepted, after_rejected
   use lapwing_system, only: system_t, frame_t, max_states
   implicit none
   private
@@ -307,6 +307,9 @@ contains
     if (segment%cycle_completed) then
       state%events_in_cycle = 0
       state%steps_in_cycle = 0
+      ! A cycle then depends on the state it begins with and on nothing else, so that the cycles of
+      ! a periodic motion are the same bytes. The step is found again in a few trials.
+      state%memory = step_memory_t()
     end if
     if (.not. is_kink) then
       if (system%rigid .and. segment%motion_state /= separation) then

@@ -9,8 +9,9 @@ NO_PERIOD = 0
 
 # Strobed states repeat when they agree to this part of the motion's size.
 REPEAT_TOLERANCE = 1e-8
-# Differences this small are rounding and need not fall any further.
-ROUNDING_FLOOR = 1e-11
+# Differences this small need not fall any further: the last bits of a state move the adaptive
+# steps, and those move the cycles of a settled motion by up to some 1e-11 of its size.
+NOISE_FLOOR = 1e-10
 
 
 def find_period(phi, phi_dot, labels, scale, max_period=MAX_PERIOD):
@@ -18,7 +19,7 @@ def find_period(phi, phi_dot, labels, scale, max_period=MAX_PERIOD):
 
     1. For p = 1, 2, … take the differences of states p cycles apart over the last max(2p, 8)
        such pairs. All must be within REPEAT_TOLERANCE·scale, and the labels must agree.
-    2. A slow transient is no period. Differences above rounding are taken as a geometric series
+    2. A slow transient is no period. Differences above the noise are taken as a geometric series
        whose ratio the whole record shows; what it still sums to must be within the tolerance too.
        (A decaying flip with multiplier -0.9999 repeats to 1e-8 after two cycles while it is 1e-5
        away from its period 1.)
@@ -51,7 +52,7 @@ def find_period(phi, phi_dot, labels, scale, max_period=MAX_PERIOD):
 def _remaining(difference, pairs, p):
     """How far a motion still is from repeating after p cycles, from its differences."""
     last = np.max(difference[-pairs:])
-    if last <= ROUNDING_FLOOR:
+    if last <= NOISE_FLOOR:
         return last
     half = len(difference) // 2
     early, late = np.max(difference[:half]), np.max(difference[half:])
