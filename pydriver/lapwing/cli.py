@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from pathlib import Path
@@ -89,8 +90,7 @@ def check(decks: Decks, setting: Settings = []):  # noqa: B006
     """  # noqa: D301
     loaded, code = _load(decks, setting)
     for deck in loaded:
-        studies = f"{len(deck.responses)} responses, {len(deck.sweeps)} sweeps"
-        print(f"{deck.path}: good ({studies})")
+        print(f"{deck.path}: good; {_studies(deck)}; {_derived(deck)}")
     raise typer.Exit(code)
 
 
@@ -142,6 +142,24 @@ def plot(files: Annotated[list[Path], typer.Argument(metavar="RESULT.nc...", hel
             _complain(f"{file}: {error}")
             code = BAD_INPUT
     raise typer.Exit(code)
+
+
+def _studies(deck):
+    """How much there is to do."""
+    counts = ((len(deck.responses), "response"), (len(deck.sweeps), "sweep"))
+    return ", ".join(f"{n} {word}{'s' if n != 1 else ''}" for n, word in counts)
+
+
+def _derived(deck):
+    """Numbers in which a slip of a unit shows."""
+    pair = deck.gear_pair
+    hertz = pair.natural_frequency / (2 * math.pi)
+    text = f"natural frequency {hertz:.4g} Hz, damping ratio {pair.xi:.4g}"
+    operation = {key: deck.operation.get(key) for key in
+                 ("pinion_speed_rpm", "pinion_speed_rad_s", "mesh_frequency_hz")}
+    if any(value is not None for value in operation.values()):
+        text += f", mesh frequency {pair.mesh_frequency(**operation) / (2 * math.pi):.4g} Hz"
+    return text
 
 
 def _refuse_equal_stems(decks):
@@ -204,6 +222,8 @@ def _run(deck, out, threads, force, progress):
         return OK
     print(f"{deck.stem}: {'interrupted; what is finished lies in' if outcome.interrupted else ''}"
           f"{'' if outcome.interrupted else 'done, results in'} {outcome.folder}")
+    for line in outcome.headlines:
+        print(f"  {line}")
     for study in outcome.failed:
         _complain(f"{deck.stem}: {study}: failed numerically, see status")
     if outcome.interrupted:

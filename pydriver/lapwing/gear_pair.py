@@ -122,7 +122,7 @@ class GearPair:
         problems = _drive_problems(speeds, brake_torque, drive_torque)
         # A stand-in of 1 where the operating point is refused lets the rest be checked as well.
         force = 1.0 if problems else self.force(brake_torque, drive_torque)
-        ratio = 1.0 if problems else self._mesh_frequency(**speeds) / self.natural_frequency
+        ratio = 1.0 if problems else self.mesh_frequency(**speeds) / self.natural_frequency
         try:
             result = Oscillator(
                 te, force=force, mesh_frequency_ratio=ratio, gear_ratio=self.gear_ratio,
@@ -136,8 +136,9 @@ class GearPair:
             raise ParameterError("oscillator", problems)
         return result
 
-    def _mesh_frequency(self, pinion_speed_rpm, pinion_speed_rad_s, mesh_frequency_hz):
-        """Angular mesh frequency Z1·n1, rad/s."""
+    def mesh_frequency(self, pinion_speed_rpm=None, pinion_speed_rad_s=None,
+                       mesh_frequency_hz=None):
+        """Angular mesh frequency Z1·n1, rad/s, from the one speed that is given."""
         if mesh_frequency_hz is not None:
             return 2 * math.pi * mesh_frequency_hz
         if pinion_speed_rpm is not None:

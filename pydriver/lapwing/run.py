@@ -29,14 +29,14 @@ class Outcome:
     reused : bool, whether results of the same values were there already
     interrupted : bool, whether the user stopped it; what was finished is kept
     failed : tuple of str, studies in which some run failed numerically
-    summary : str
+    headlines : tuple of str, the main result of each study
     """
 
     folder: Path
     reused: bool = False
     interrupted: bool = False
     failed: tuple = ()
-    summary: str = ""
+    headlines: tuple = ()
 
 
 def run_deck(deck, parent, *, threads, force=False, progress=None):
@@ -66,16 +66,16 @@ def run_deck(deck, parent, *, threads, force=False, progress=None):
     """
     folder = Path(parent) / deck.stem
     if _reusable(deck, folder, force):
-        return Outcome(folder, reused=True, summary=_read(folder / SUMMARY))
+        return Outcome(folder, reused=True)
     _clear(folder)
     report = progress.study if progress else (lambda *_: (lambda _: None))
     responses, sweeps, interrupted = _studies(deck, threads, report)
     _write(deck, folder, responses, sweeps)
-    summary = _draw(folder, report)
+    _draw(folder, report)
     if not interrupted:
         (folder / USED_DECK).write_text(used_text(deck, folder), encoding="utf-8")
     return Outcome(folder, interrupted=interrupted, failed=_failed(responses, sweeps),
-                   summary=summary)
+                   headlines=_headlines(responses, sweeps))
 
 
 def _reusable(deck, folder, force):
@@ -191,7 +191,6 @@ def _draw(folder, report):
         draw_all(results, folder, progress=done)
         summary = summary_text(results)
     (folder / SUMMARY).write_text(summary, encoding="utf-8")
-    return summary
 
 
 def _failed(responses, sweeps):
@@ -204,6 +203,20 @@ def _failed(responses, sweeps):
         if points:
             failed.append(f"sweep {name} ({points} points)")
     return tuple(failed)
+
+
+def _headlines(responses, sweeps):
+    """One line for each study."""
+    lines = []
+    for response in responses:
+        attrs = response.attrs
+        lines.append(f"{attrs['name']}: {attrs['motion_class']}, "
+                     f"{attrs['impacts_per_cycle']:.4g} impacts per cycle, deepest separation "
+                     f"{1e6 * attrs['deepest_separation']:.4g} µrad")
+    for name, sweep in sweeps.items():
+        done = int((sweep["status"] == Status.OK).sum())
+        lines.append(f"{name}: {done} of {sweep['status'].size} points")
+    return tuple(lines)
 
 
 def _read(path):
