@@ -1,0 +1,71 @@
+"""Make docs/gallery.md and its images from results/ of the shipped decks.
+
+Run from the checkout after `lapwing run inputs/*.nml`: python docs/make_gallery.py
+"""
+
+import re
+from pathlib import Path
+
+from PIL import Image
+
+DOCS = Path(__file__).parent
+RESULTS = Path("results")
+WIDTH = 860
+COLOURS = 96
+
+DECKS = {
+    "lapping_25x32": "The published 25 × 32 pair at 240 rpm, transmission error reconstructed, "
+                     "impact law `absolute` as the source prints it.",
+    "lapping_25x32_relative": "The same gear with the physical impact law: chatter where the "
+                              "source counts 3, 5 and 7 impacts.",
+    "smooth_1500rpm": "A smooth transmission error of three harmonics at 1500 rpm: coexisting "
+                      "motions.",
+    "kinked_480rpm": "The textbook parabola with one kink at 480 rpm.",
+    "minimal": "The shortest deck.",
+}
+FIGURES = {
+    "orbit_diagram": "Orbit diagram: strobed displacement, impact speeds, impacts per cycle and "
+                     "period against the braking torque, from rest, upwards and downwards.",
+    "deepest_separation": "Deepest separation against the braking torque.",
+    "te_curve": "Transmission error with its knots, slopes and kinks.",
+    "history": "Time history of displacement, mesh force and impacts.",
+    "phase_portrait": "Phase portrait, with the engaged part magnified.",
+    "impact_section": "Phase and speed of each impact.",
+    "spectrum": "Order spectrum of displacement, mesh force and dynamic transmission error.",
+}
+
+
+def shrunk(source, target):
+    """A copy small enough for a page: fewer pixels, fewer colours."""
+    with Image.open(source) as image:
+        height = round(image.height * WIDTH / image.width)
+        small = image.convert("RGB").resize((WIDTH, height), Image.LANCZOS)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        small.quantize(COLOURS, dither=Image.Dither.NONE).save(target, optimize=True)
+
+
+def number(path):
+    """Torque in a figure's name, to sort by."""
+    found = re.search(r"_(\d+(?:\.\d+)?)$", path.stem)
+    return float(found[1]) if found else 0.0
+
+
+def main():
+    lines = ["# Gallery", "", "Every figure of the shipped decks, made by the command above it "
+             "(reduced copies; `lapwing run` writes PNG and PDF).", ""]
+    for deck, words in DECKS.items():
+        lines += [f"## {deck}", "", words, "", f"    lapwing run inputs/{deck}.nml", ""]
+        for kind, caption in FIGURES.items():
+            paths = sorted((RESULTS / deck).glob(f"{kind}*.png"), key=number)
+            if not paths:
+                continue
+            lines += [f"### {caption}", ""]
+            for path in paths:
+                image = Path("images") / "gallery" / deck / path.name
+                shrunk(path, DOCS / image)
+                lines += [f"![{deck}: {path.stem.replace('_', ' ')}]({image.as_posix()})", ""]
+    (DOCS / "gallery.md").write_text("\n".join(lines), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
