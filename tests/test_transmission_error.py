@@ -331,6 +331,12 @@ def test_units_of_angles(tmp_path, unit):
     assert ANGLE_UNITS["arcsec"] * 3600 == pytest.approx(math.radians(1), rel=4 * EPS)
 
 
+@pytest.mark.parametrize("letter", ["\u00b5", "\u03bc"])
+def test_micro_sign_and_greek_letter(tmp_path, letter):
+    text = "phase,transmission_error[{0}rad],slope[{0}rad/period]\n0.1,1,-2\n0.5,3,4\n"
+    assert same(read(tmp_path, text.format(letter)), read(tmp_path, text.format("u")), 0)
+
+
 @pytest.mark.parametrize(("unit", "turn"), [("deg", 360 / 25), ("rad", 2 * math.pi / 25)])
 def test_phase_in_pinion_rotation(tmp_path, unit, turn):
     text = f"phase[{unit}],transmission_error\n" + "".join(
@@ -382,6 +388,16 @@ def test_angle_pairs_from_a_file(tmp_path):
     ("phase,transmission_error[um],kink\n0,1\n0.5,x,0\n0.4,nan,2\n",
      [(1, 2, "no unit"), (2, 0, "2 fields where 3"), (3, 2, "'x'"), (4, 1, "ascend"),
       (4, 2, "'nan'"), (4, 3, "0 or 1")]),
+    # One complaint about the separator instead of one in each row.
+    ("# x\nphase;transmission_error\n0;1\n0,5;2\n0,6;1\n", [(2, 0, "separator is ';', a comma")]),
+    ("0,0;1,2\n0,5;2,0\n", [(1, 0, "separator is ';', a comma")]),
+    ("phase\ttransmission_error\n0\t1\n", [(1, 0, "separator is a tab, a comma")]),
+    # Three rows of one wrong width are named, the others counted; another width is named apart.
+    ("phase,transmission_error\n" + "0,5,1,2\n" * 12 + "0.1\n",
+     [(2, 0, "4 fields where 2 are named; are there decimal commas?"), (3, 0, "4 fields"),
+      (4, 0, "(... and 9 more rows)"), (14, 0, "1 field where 2")]),
+    ("phase,transmission_error\n" + "0\n" * 4,
+     [(2, 0, "1 field"), (3, 0, "1 field"), (4, 0, "(... and 1 more row)")]),
 ])
 def test_bad_files_name_every_place(tmp_path, text, problems):
     with pytest.raises(TransmissionErrorFileError) as caught:

@@ -16,6 +16,10 @@ _COLUMNS = ("phase", *_ANGLES, "kink")
 _LAYOUTS = ("phase,transmission_error", "phase,transmission_error,kink",
             "phase,transmission_error,slope", "phase,transmission_error,slope_left,slope_right",
             "pinion_angle,gear_angle")
+# The micro sign and the Greek letter look alike; both are typed for u.
+_MICRO = str.maketrans("\u00b5\u03bc", "uu")
+# Rows with the same wrong number of fields that are reported one by one.
+_FEW_ROWS = 3
 
 
 class TransmissionErrorFileError(ValueError):
@@ -45,11 +49,17 @@ def read_columns(path, pinion_teeth, gear_teeth):
         return {}, [(0, 0, "no data: a header that names the columns and rows of numbers are "
                            f"meant, for example {_LAYOUTS[2]!r}")]
     (line, header), *rows = lines
+    separator = next((name for mark, name in ((";", "';'"), ("\t", "a tab"))
+                      if any(mark in field for field in header)), None)
+    if separator:
+        return {}, [(line, 0, f"the separator is {separator}, a comma is meant (and a point, not a "
+                              "comma, in numbers)")]
     problems = []
     columns = _read_header(line, header, pinion_teeth, gear_teeth, problems)
     if columns is None:
         return {}, problems
     values = [_read_row(line, fields, columns, problems) for line, fields in rows]
+    _check_widths(rows, len(columns), problems)
     _check_order([line for line, _ in rows], values, columns, problems)
     named = {name: [row[i] * factor for row in values]
              for i, (name, factor) in enumerate(columns) if not problems}
@@ -90,7 +100,8 @@ def _read_column(field, pinion_teeth):
     teeth = pinion_teeth or math.nan
     units = {"phase": {"periods": 1.0, "rad": teeth / (2 * math.pi), "deg": teeth / 360},
              "kink": {}}.get(name, ANGLE_UNITS)
-    factor = units.get(unit.removesuffix("/period") if "slope" in name else unit)
+    factor = units.get((unit.removesuffix("/period") if "slope" in name else unit)
+                       .translate(_MICRO))
     if factor is None:
         raise ValueError(f"{name} has no unit {unit!r}; meant is one of "
                          + (", ".join(units) or "0 and 1 without unit"))
@@ -102,7 +113,6 @@ def _read_column(field, pinion_teeth):
 def _read_row(line, fields, columns, problems):
     """Numbers of one row (nan where there is none), in the file's units."""
     if len(fields) != len(columns):
-        problems.append((line, 0, f"{len(fields)} fields where {len(columns)} are named"))
         return [math.nan] * len(columns)
     values = [_number(field) for field in fields]
     for column, (value, (name, _)) in enumerate(zip(values, columns, strict=True), 1):
@@ -112,6 +122,23 @@ def _read_row(line, fields, columns, problems):
         elif name == "kink" and value not in (0, 1):
             problems.append((line, column, f"kink is {value:g}; 0 or 1 is meant"))
     return [math.nan if value is None else value for value in values]
+
+
+def _check_widths(rows, width, problems):
+    """Report rows with too few or too many fields; many of one kind are counted, not listed."""
+    wrong = {}
+    for line, fields in rows:
+        if len(fields) != width:
+            wrong.setdefault(len(fields), []).append(line)
+    for count, lines in wrong.items():
+        text = f"{count} field{'s' * (count != 1)} where {width} are named"
+        text += "; are there decimal commas? A point is meant" * (count == 2 * width)
+        more = len(lines) - _FEW_ROWS
+        for line in lines[:_FEW_ROWS]:
+            problems.append((line, 0, text))
+        if more > 0:
+            problems[-1] = (problems[-1][0], 0,
+                            f"{text} (... and {more} more row{'s' * (more != 1)})")
 
 
 def _check_order(lines, values, columns, problems):

@@ -88,7 +88,8 @@ def changed(tmp_path, old, new, base=PLAIN):
 
 @pytest.mark.parametrize(("values", "pairs"), [
     ("0,5 1,8", ["0.5", "1.8"]), ("1,5", ["1.5"]), ("1, 5", []), ("1,2,5", []), ("0.5,1", []),
-    ("1.5,2.5", [])])
+    ("1.5,2.5", []),
+    ("1,500", ["1500"]), ("0,500", ["0.500"])])
 def test_decimal_comma_in_a_list_is_a_warning(tmp_path, values, pairs):
     study = f"&sweep name = 'a', parameter = 'brake_torque', values = {values} /"
     deck = changed(tmp_path, "&response name = 'a' /", study)

@@ -35,13 +35,27 @@ def test_reference_page_is_current():
 def test_examples_of_the_page_load(tmp_path):
     blocks = re.findall(r"```fortran\n(.*?)```", reference_page(), re.DOTALL)
     table = re.search(r"```\n(# measured.*?)```", reference_page(), re.DOTALL)[1]
-    (tmp_path / "te_25x32.csv").write_text(table, encoding="utf-8")
+    (tmp_path / "measured.csv").write_text(table, encoding="utf-8")
+    shipped = (ROOT / "inputs" / "te_25x32.csv").read_text(encoding="utf-8")
+    (tmp_path / "te_25x32.csv").write_text(shipped, encoding="utf-8")
     path = tmp_path / "deck.nml"
-    ranges = f"&sweep name = 'b' parameter = 'brake_torque' {blocks[2]} /"
+    ranges = f"&sweep name = 'b' parameter = 'brake_torque' {blocks[3]} /"
     path.write_text("\n".join([*blocks[:2], ranges]), encoding="utf-8")
     deck = load_deck(path)
     assert len(deck.sweeps[0].values) == 691 and len(deck.sweeps[1].values) == 301
-    assert len(deck.te.knots) == 5
+    path.write_text(blocks[2], encoding="utf-8")
+    deck = load_deck(path)
+    assert not deck.warnings and [one.name for one in deck.responses] == ["from_rest",
+                                                                          "from_mid_gap"]
+    # What the page says of this pair: ξ = 0.047, one period is 24° of pinion rotation.
+    assert round(deck.gear_pair.xi, 3) == 0.047
+    assert deck.te.knots.tolist() == pytest.approx([0, 5 / 24, 12 / 24, 18.5 / 24, 1])
+    assert deck.te.kinks.tolist() == [True, False, False, False]
+
+
+def test_the_page_explains_the_source_at_its_first_use():
+    page = " ".join(reference_page().split())
+    assert page.index("the source") == page.index("*the source* below") + 1
 
 
 @pytest.mark.parametrize("key", ["rtol", "chatter_tol", "count_depth", "max_events_per_cycle",

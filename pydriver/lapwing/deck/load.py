@@ -9,7 +9,15 @@ from pydantic import ValidationError
 from lapwing.deck import checks, schema
 from lapwing.deck.parser import Entry, Group, lex_value, parse, read_text
 from lapwing.deck.problems import DeckError, Place, Report, nearest
-from lapwing.deck.values import Bare, Value, decimal_comma, read_values, suspicious_pairs
+from lapwing.deck.values import (
+    Bare,
+    Value,
+    decimal_comma,
+    number_and_rest,
+    read_values,
+    suspicious_pairs,
+    thousands,
+)
 
 # Tokens that no value consists of.
 _NO_VALUE = ("OPEN", "CLOSE", "KEY", "EQUALS", "HASH")
@@ -167,26 +175,30 @@ class _GroupReader:
 
     def _refuse_several(self, key, values, kind):
         source = ", ".join(value.text for value in values[:4])
-        text = f"{key} = {source}: {kind.meant} is meant"
+        numeric = kind.kind in (float, int)
+        place, whole = values[0].place, thousands(values) if numeric else None
         comma = decimal_comma(values) if len(values) == 2 and kind.kind is float else None
         if comma:
-            text = f"{key} = {values[0].text},{values[1].text}: decimal comma; write {comma}"
-        elif isinstance(values[1].value, Bare) and kind.kind in (float, int):
-            text = (f"{key} = {values[0].text} {values[1].text}: text after a number; the unit is "
-                    f"fixed ({kind.unit or 'none'}), write {values[0].text} alone")
-            self._report.add(values[0].place if comma else values[1].place, text)
-            return
+            text = (f"{key} = {values[0].text},{values[1].text}: decimal comma; write {comma}"
+                    + f", or {whole} if thousands are meant" * bool(whole))
+        elif numeric and [isinstance(value.value, Bare) for value in values[:2]] == [False, True]:
+            first, rest = values[0].text, " ".join(value.text for value in values[1:])
+            place = values[1].place
+            text = f"{key} = {first} {rest[:40]}: {_after_number(first, rest, kind)}"
         else:
-            text += ", not several values"
-        self._report.add(values[0].place, text)
+            text = (f"{key} = {source}: {kind.meant} is meant, not several values"
+                    + f"; write {whole} if thousands are meant" * bool(whole))
+        self._report.add(place, text)
 
     def _warn_of_commas(self, key, values, kind):
         if kind.kind is not float:
             return
         for first, second in suspicious_pairs(values):
+            whole = thousands([first, second])
             self._report.add(first.place, f"{key}: {first.text},{second.text} is read as the two "
                              f"numbers {first.text} and {second.text}; if a decimal comma was "
-                             f"meant, write {first.text}.{second.text}", warning=True)
+                             f"meant, write {first.text}.{second.text}"
+                             + f", if thousands, {whole}" * bool(whole), warning=True)
 
     def _check_exclusive(self, model):
         for names in model.exclusive:
@@ -199,8 +211,17 @@ class _GroupReader:
                 self._report.add(self.key_places[last],
                                  f"{' and '.join(given)} are {both} given; one of "
                                  f"{', '.join(names)} is meant")
-            elif not given and model.needed:
+            elif model.needed and not any(map(self._mentioned, names)):
                 self._report.add(self.place, f"&{self.name} lacks one of {', '.join(names)}")
+
+    def _mentioned(self, key):
+        """Whether a key is given, or meant by something that is refused already."""
+        unknown = [name for name in self.key_places if name not in self._fields]
+        stray = [value.text.lower() for values in self._values.values() for value in values
+                 if isinstance(value.value, Bare)]
+        return key in self.places or key in stray or any(
+            name.startswith(key) or nearest(name, self._fields) == f"is {key!r} meant?"
+            for name in unknown)
 
     def _validate(self, model, raw):
         try:
@@ -228,9 +249,11 @@ class _GroupReader:
             return
         index = item["loc"][1] if len(item["loc"]) > 1 else 0
         value = values[index]
-        remark = value.remark or _remark(value, kind, self._fields[key])
-        self._report.add(value.place, f"{key} = {value.text[:60]}, {kind.meant} is meant"
-                                      + f"; {remark}" * bool(remark))
+        remark = value.remark or _remark(value, kind)
+        meant = f"{kind.meant} is meant" + f"; {remark}" * bool(remark)
+        if kind.kind is str and not kind.choices and isinstance(value.value, str):
+            meant = _text_limits(value.value, self._fields[key])
+        self._report.add(value.place, f"{key} = {value.text[:60]}, {meant}")
 
     def _longest(self, key):
         return next(n.max_length for n in self._fields[key].metadata if hasattr(n, "max_length"))
@@ -243,7 +266,7 @@ def _quoted(value, kind):
     return value
 
 
-def _remark(value, kind, field):
+def _remark(value, kind):
     """A guess at what was meant."""
     if kind.kind is str and isinstance(value.value, Bare | bool):
         return f"text goes in quotes: '{value.text}'"
@@ -252,14 +275,29 @@ def _remark(value, kind, field):
         return guess if guess.endswith("?") else ""
     if kind.kind in (int, float) and isinstance(value.value, str):
         return "a number stands without quotes"
-    if kind.kind is str and isinstance(value.value, str):
-        return _text_limits(field)
+    parts = number_and_rest(value.text)
+    if kind.kind in (int, float) and isinstance(value.value, Bare) and parts:
+        return _after_number(*parts, kind)
     return ""
 
 
-def _text_limits(field):
-    """What a text must be besides text."""
-    limits = {"pattern": "letters, digits, . _ - only", "max_length": "at most {} characters",
-              "min_length": "not empty"}
-    return ", ".join(words.format(getattr(item, name)) for name, words in limits.items()
-                     for item in field.metadata if getattr(item, name, None))
+def _after_number(number, rest, kind):
+    """What to write for `9 kN`: only where the text is the key's own unit does the number stand."""
+    if kind.unit and rest.strip() == kind.unit:
+        return f"text after a number; the unit is fixed ({kind.unit}), write {number} alone"
+    if not kind.unit:
+        return "text after a number; this key has no unit, a number alone is meant"
+    unit = f"the unit {kind.unit}" if kind.unit.startswith("of ") else kind.unit
+    return f"text after a number; give the value in {unit}, without a unit"
+
+
+def _text_limits(text, field):
+    """What is wrong with a text that the schema refuses."""
+    limits = {name: getattr(item, name) for item in field.metadata
+              for name in ("max_length", "pattern") if getattr(item, name, None)}
+    if not text:
+        return "empty text is not allowed"
+    if len(text) > limits.get("max_length", len(text)):
+        return f"at most {limits['max_length']} characters are meant"
+    blank = "a blank is not allowed; " * any(letter.isspace() for letter in text)
+    return blank + "letters, digits, . _ - only" + ", a letter or digit first" * (not blank)

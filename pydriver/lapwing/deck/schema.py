@@ -48,9 +48,11 @@ class GearPairKeys(Group):
                                    "pinion axis", unit="m", example=0.034, ge=1e-6, le=100)
     mesh_stiffness: float = key(text="k', mean stiffness of the mesh along the normal",
                                 unit="N/m", example=3.12e8, ge=1, le=1e15)
-    backlash: float = key(text="θ0, angular play of the relative angle θ1 - i12·θ2",
-                          unit="rad", example=0.002, ge=1e-9, le=1)
-    restitution: float = key(text="ε, coefficient of restitution", example=0.8, ge=0, le=1)
+    backlash: float = key(text="θ0, angular play of the relative angle θ1 - i12·θ2; what the "
+                          "pinion can be turned, the gear held", unit="rad", example=0.002,
+                          ge=1e-9, le=1)
+    restitution: float = key(text="ε, coefficient of restitution; not used with contact_law "
+                             "'compliant'", example=0.8, ge=0, le=1)
     damping_ratio: float | None = key(None, "ξ, damping ratio of the mesh", example=0.1,
                                       ge=0, le=100)
     mesh_damping: float | None = key(None, "c', damping of the mesh along the normal",
@@ -76,8 +78,9 @@ class TransmissionErrorKeys(Group):
         None, "order of each harmonic, each once; left out: 1, 2, 3, …", "", [1, 2, 3],
         min_length=1)
     te_sign: Literal["printed", "geometric"] = key(
-        "printed", "sign of the drive flank's motion g = ±i12·Δφ: 'printed' is +, 'geometric' is "
-        "- and right for angle pairs (φ1, φ2)")
+        "printed", "sign of the drive flank's motion g = ±i12·Δφ (i12 = Z2/Z1): 'geometric' is -, "
+        "right where Δφ > 0 means that the gear is ahead, and for angle pairs (φ1, φ2); 'printed' "
+        "is +, for the opposite count and for the published 25 × 32 example")
 
 
 class OperationKeys(Group):
@@ -87,8 +90,9 @@ class OperationKeys(Group):
     exclusive = (("pinion_speed_rpm", "pinion_speed_rad_s", "mesh_frequency_hz"),)
     needed = False
 
-    brake_torque: float | None = key(None, "T_l, mean torque braking the gear", "N·m", 1.8,
-                                     ge=-1e9, le=1e9)
+    brake_torque: float | None = key(None, "T_l, mean torque braking the gear; may be left out "
+                                     "where every study gives its own", "N·m", 1.8, ge=-1e9,
+                                     le=1e9)
     drive_torque: float | None = key(None, "T_m, mean torque driving the pinion; left out: the "
                                      "balance T_l/i12", "N·m", 1.40625, ge=-1e9, le=1e9)
     pinion_speed_rpm: float | None = key(None, "n1, speed of the pinion", "rev/min", 240.0,
@@ -105,13 +109,15 @@ class SceneKeys(Group):
     title = "what is assumed about contact (docs/model.md, sections 4 to 6)"
 
     contact_law: Literal["restitution", "compliant", "rigid"] = key(
-        "restitution", "bounces, then a spring and damper; only spring and damper; or bounces, "
-        "then no give at all")
+        "restitution", "'restitution' (of the published 25 × 32 example): bounces, then spring and "
+        "damper; 'compliant': spring and damper only; 'rigid': bounces, then no give at all")
     impact_law: Literal["relative", "absolute"] = key(
-        "relative", "restitution of the velocity relative to the flank, or of the tooth itself "
-        "(as the source prints it; with contact_law 'restitution' only)")
+        "relative", "'relative', the physical law: restitution of the velocity relative to the "
+        "flank; 'absolute': of the tooth's own velocity, as the published 25 × 32 example prints "
+        "it (with contact_law 'restitution' only)")
     gap: Literal["one_sided", "symmetric", "one_flank"] = key(
-        "one_sided", "flanks at 0 and -θ0; at 0 and -2·θ0; or the drive flank alone")
+        "one_sided", "'one_sided', the usual choice: flanks at φ = 0 and -θ0; 'symmetric', where "
+        "θ0 is half of the play: at 0 and -2·θ0; 'one_flank': the drive flank alone")
     back_flank_te: bool = key(True, "whether the coast flank moves with the transmission error, "
                               "too")
 
@@ -150,10 +156,12 @@ class ResponseKeys(OperationKeys):
                     example="torque_1.8", pattern=NAME_PATTERN, max_length=64)
     start: Literal["rest", "separation", "engagement", "back_engagement"] = key(
         "rest", "'rest', or a motion state with start_phi and start_phi_dot")
-    start_phi: float | None = key(None, "φ at the start; needed with a motion state", "rad", -1e-4,
-                                  ge=-10, le=10)
-    start_phi_dot: float | None = key(None, "dφ/dτ at the start (τ = ω'·t); left out with a "
-                                      "motion state: 0", "rad", 0.0, ge=-10, le=10)
+    start_phi: float | None = key(None, "φ at the start, counted from the moving drive flank: > 0 "
+                                  "pressed, from -gap to 0 separated, below -gap back contact; "
+                                  "needed with a motion state", "rad", -1e-4, ge=-10, le=10)
+    start_phi_dot: float | None = key(None, "dφ/dτ at the start, τ = ω'·t, that is (dφ/dt)/ω' with "
+                                      "the natural frequency ω' = √(k/J) in rad/s; left out with "
+                                      "a motion state: 0", "rad", 0.0, ge=-10, le=10)
     settle_cycles: int = key(400, "mesh cycles before recording", ge=0, le=10_000_000)
     record_cycles: int = key(100, "mesh cycles recorded", ge=1, le=1_000_000)
     samples_per_cycle: int = key(400, "samples of the time history in a mesh cycle", ge=8,
@@ -190,9 +198,11 @@ class SweepKeys(Group):
         max_length=100)
     count: list[Annotated[int, Field(ge=2, le=100_000)]] | None = key(
         None, "how many values each range has", "", [691], min_length=1, max_length=100)
-    spacing: Literal["linear", "log"] = key("linear", "equal steps, or equal ratios; of ranges")
+    spacing: Literal["linear", "log"] = key(
+        "linear", "equal steps, or equal ratios; for all ranges")
     starts: list[Literal["rest", "up", "down"]] = key(
-        ["rest", "up", "down"], "each value from rest; carried upwards; carried downwards",
+        ["rest", "up", "down"], "each value from rest; carried upwards; carried downwards (the "
+        "first one of those from rest)",
         min_length=1, max_length=3)
     settle_cycles: int = key(400, "mesh cycles before recording, at every value", ge=0,
                              le=10_000_000)

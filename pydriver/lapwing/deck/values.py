@@ -125,10 +125,22 @@ def _remark(text):
         return "NaN and infinity are refused"
     if "\u2212" in text:
         return "the minus sign is not the one of the keyboard"
-    number = _REAL.match(text)
-    if number:
-        return f"text after a number; write {number[0]} alone, the unit is fixed"
     return ""
+
+
+def number_and_rest(text):
+    """A word such as `7.0Nm` in its two parts, None where no number begins it."""
+    number = _REAL.match(text)
+    return (number[0], text[number.end():]) if number else None
+
+
+def thousands(values):
+    """`9000` where the values read like 9,000 (groups of three digits, no blank), else None."""
+    first, *groups = values
+    if groups and re.fullmatch(r"[+-]?[1-9][0-9]{0,2}", first.text) \
+            and all(group.glued and re.fullmatch("[0-9]{3}", group.text) for group in groups):
+        return "".join(value.text for value in values)
+    return None
 
 
 def decimal_comma(values):
