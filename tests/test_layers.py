@@ -178,6 +178,7 @@ PYTHON_LAYERS = [
     {"deck"},
     {"engine"},
     {"studies"},
+    {"summary_sweep"},
     {"results", "summary"},
     {"plots"},
     {"run", "progress"},

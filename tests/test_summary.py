@@ -10,7 +10,16 @@ import lapwing
 from helpers import PAIR, SHIPPED, scene_a
 from lapwing.results import read_results, write_results
 from lapwing.studies.response import response
-from lapwing.summary import summary_text, with_error
+from lapwing.summary import (
+    _doubtful,
+    _energy_sentence,
+    _motion_sentence,
+    _table,
+    _times,
+    summary_text,
+    with_error,
+)
+from lapwing.summary_sweep import _runs
 
 SHORT = {"settle_cycles": 60, "record_cycles": 24, "samples_per_cycle": 32}
 
@@ -88,14 +97,56 @@ def test_sweep(text):
     findings = text.split("## Sweep torque")[1]
     assert "brake torque from 11.5 to 12.7 N·m: 13 values × 3 starts" in findings
     assert "none of 39 failed" in findings
-    assert "last back impact: none seen (each from rest)" in findings
-    assert "complete engagement from 11.91674544 N·m" in findings
+    assert "last back impact: none (each from rest, carried upwards, carried downwards)" in findings
+    assert "complete engagement from T_full = 11.91674544 N·m" in findings
     assert "mesh phase 0.951457" in findings
     # Bouncing survives above complete engagement when carried upwards (docs/model.md, section 8).
-    hysteresis = re.search(r"differ in period, impacts or depth at (.*) N·m", findings)[1]
-    assert re.fullmatch(r"(11\.9|12)–12\.\d", hysteresis.split(", ")[-1])
-    assert re.search(r"last separation: 11\.9 N·m \(each from rest\), 12\.\d N·m \(carried up",
-                     findings)
+    hysteresis = re.search(r"differ in period, impacts or depth at (.*)", findings)[1]
+    assert re.search(r"(11\.9|12)–12\.\d N·m", hysteresis)
+    assert re.search(r"last separation: 11\.9 N·m, none at 12 N·m \(each from rest.*\); "
+                     r"12\.\d N·m, none at 12\.\d N·m \(carried up", findings)
+
+
+def test_a_sweep_has_a_table_of_at_most_twelve_values(text):
+    table = [line for line in text.split("Some of the motions each from rest")[1].splitlines()
+             if line.startswith("|")]
+    assert table[0].startswith("| brake torque (N·m) | impacts per cycle |")
+    assert len(table) == 2 + 12
+    assert table[2].startswith("| 11.5 |") and table[-1] == "| 12.7 | 0 | 0 | 1 | 0 |"
+
+
+def test_runs_are_bridged_over_one_value_and_single_ones_kept_apart():
+    flags = [bool(int(one)) for one in "1101100100010111"]
+    assert _runs(np.array(flags)) == [[0, 4], [7, 7], [11, 11], [13, 15]]
+
+
+ATTRS = {"status": 0, "status_reference": 0, "motion_class": "9:(0,0)", "error_kind": "convergence",
+         "motion_class_reference": "1:(0,0)", "impact_energy_per_cycle": -2e-3,
+         "impact_energy_per_cycle_error": 1e-9, "impacts_per_cycle": 1.0,
+         "impacts_per_cycle_error": 0.0, "max_period": 24, "period": 1,
+         "chatter_ends_per_cycle": 1.0}
+
+
+def test_a_motion_the_second_run_does_not_confirm_is_doubtful():
+    assert _doubtful(ATTRS)
+    assert not _doubtful(ATTRS | {"motion_class_reference": "9:(0,0)"})
+    assert not _doubtful(ATTRS | {"status_reference": 4})
+
+
+def test_energy_fed_in_is_a_gain():
+    assert "the motion gains 2 ± 1e-06 mJ" in _energy_sentence(ATTRS)
+    assert "take 2 ± 1e-06 mJ" in _energy_sentence(ATTRS | {"impact_energy_per_cycle": 2e-3})
+
+
+def test_one_is_singular():
+    assert _times(ATTRS, "") == "1 time"
+    assert "with 1 complete chatter per cycle" in _motion_sentence(ATTRS)
+
+
+def test_without_a_claim_there_is_no_column_for_it():
+    one = response(scene_a(12), PAIR, name="engaged", **SHORT).attrs
+    assert "source" not in _table([one])[0]
+    assert "source" in _table([one | {"claim_text": "engaged"}])[0]
 
 
 def test_provenance_ends_it(text):

@@ -6,18 +6,12 @@ import math
 
 import numpy as np
 
-from lapwing.codes import MotionState, Status
+from lapwing.codes import MotionState
+from lapwing.summary_sweep import markdown, plural, sweep_text
 
 # A change between the halves of the record below this part of the number, or of its error, is
 # rounding or chance and is not reported as a transient.
 SETTLED = 1e-6
-# Branches carried up and down differ in depth when they do so by more than this part of it.
-DEPTH_DIFFERS = 0.02
-UNITS = {"brake_torque": "N·m", "drive_torque": "N·m", "pinion_speed_rpm": "rpm",
-         "pinion_speed_rad_s": "rad/s", "mesh_frequency_hz": "Hz", "mesh_stiffness": "N/m",
-         "backlash": "rad", "pinion_base_lever": "m", "mesh_damping": "N·s/m",
-         "pinion_inertia": "kg·m²", "gear_inertia": "kg·m²"}
-START_NAMES = {"rest": "each from rest", "up": "carried upwards", "down": "carried downwards"}
 
 
 def summary_text(results):
@@ -40,7 +34,7 @@ def summary_text(results):
         for attrs in responses:
             lines += ["", f"### {attrs['name']}", "", _paragraph(attrs)]
     for name in results.sweeps:
-        lines += ["", f"## Sweep {name}", "", *_sweep(results.sweep(name))]
+        lines += ["", f"## Sweep {name}", "", *sweep_text(results.sweep(name))]
     return "\n".join([*lines, "", "## Provenance", "", *_provenance(results)]) + "\n"
 
 
@@ -96,39 +90,49 @@ def _gear(results, responses):
 
 def _table(responses):
     """One line for each response, the source's claim beside it."""
+    claimed = any(_claim(one) for one in responses)
     rows = [("response", "brake torque (N·m)", "motion", "impacts per cycle, drive / coast",
              "deepest separation (µrad)", "contact", "mesh force, mean / peak (N)",
-             "impact energy (mJ per cycle)", "source")]
+             "impact energy (mJ per cycle)", *["source"] * claimed)]
     for one in responses:
         row = [one["name"], f"{one['brake_torque']:g}"]
         if one["status"]:
             row += [f"**failed: {one['status_meaning'].replace('_', ' ')}**", *"–––––"]
         else:
-            row += [_motion(one), f"{_count(one, '')} / {_count(one, 'back_')}",
+            row += [_motion(one) + " ?" * _doubtful(one),
+                    f"{_count(one, '')} / {_count(one, 'back_')}",
                     _value(one, "deepest_separation", 1e6, True), _contact(one),
                     " / ".join(_value(one, f"mesh_force_{key}", 1.0, True)
                                for key in ("mean", "peak")),
                     _value(one, "impact_energy_per_cycle", 1e3, True)]
-        rows.append((*row, _claim(one) or "–"))
-    lines = ["| " + " | ".join(row) + " |" for row in rows]
-    return [lines[0], "|---" * len(rows[0]) + "|", *lines[1:]]
+        rows.append((*row, *[_claim(one) or "–"] * claimed))
+    return markdown(rows)
 
 
 def _legend(responses):
     """How to read the table."""
     depth = sorted({one["count_depth"] for one in responses})
     shown = " and ".join(f"{100 * value:g} %" for value in depth)
+    doubtful = any(_doubtful(one) for one in responses)
+    fed = any(bool(one["impact_energy_per_cycle"] < 0) for one in responses)
     return [f"Impacts are counted that end a flight deeper than {shown} of the deepest separation "
             "of their cycle (without restitution: every arrival). ± is the difference to a second "
             "run at another tolerance; in this table it is left out where it lies below the last "
             "digit. ≈ marks a motion without a period: ± is then the greater of two differences of "
             "averages or greatest values, between the two runs and between the halves of the "
-            "record. Mesh force is that of spring and damper, impacts apart."]
+            "record. "
+            + "“?” marks a motion that the second run does not confirm: it gives another class. "
+            * doubtful
+            + "A class p:(a,b) repeats every p mesh cycles with a drive and b coast impacts in "
+            "that time; c is appended for complete chatter. "
+            "Mesh force is that of spring and damper, impacts apart."
+            + " Impact energy is what the impacts take; where it is negative the motion gains "
+            "it, as it may under the absolute law." * fed]
 
 
 def _value(attrs, key, factor=1.0, brief=False):
     """One number with its error, marked where it is a statistic."""
-    text = with_error(factor * attrs[key], factor * _error(attrs, key), brief)
+    text = with_error(factor * attrs[key], abs(factor) * _error(attrs, key), brief)
     chance = attrs["error_kind"] != "convergence" and attrs[key] != 0 and text != "–"
     return ("≈ " if chance else "") + text
 
@@ -152,6 +156,12 @@ def _motion(attrs):
     return (f"period {attrs['period']}" if attrs["period"] else "no period") + chatter
 
 
+def _doubtful(attrs):
+    """Whether the run at the other tolerance ends in a motion of another class."""
+    return bool(not attrs["status"] and not attrs["status_reference"]
+                and attrs["motion_class_reference"] != attrs["motion_class"])
+
+
 def _contact(attrs):
     if attrs["fully_engaged"]:
         return "engaged throughout"
@@ -164,7 +174,7 @@ def _claim(attrs):
     """What the source says of this response, in one cell."""
     parts = []
     if "claim_impacts_per_cycle" in attrs:
-        parts.append(f"{attrs['claim_impacts_per_cycle']:g} impacts")
+        parts.append(plural(attrs["claim_impacts_per_cycle"], "impact"))
     if "claim_deepest_separation" in attrs:
         parts.append(f"{1e6 * attrs['claim_deepest_separation']:g} µrad")
     text = attrs.get("claim_text", "")
@@ -174,7 +184,7 @@ def _claim(attrs):
 def _paragraph(attrs):
     """One response in sentences."""
     torque = f"At {attrs['brake_torque']:g} N·m"
-    run = (f"{attrs['record_cycles']} cycles recorded after {attrs['settle_cycles']}, "
+    run = (f"{plural(attrs['record_cycles'], 'cycle')} recorded after {attrs['settle_cycles']}, "
            f"start `{attrs['start']}`, tolerance {attrs['rtol']:g}")
     if attrs["status"]:
         return (f"{torque} the run failed numerically "
@@ -185,12 +195,11 @@ def _paragraph(attrs):
     else:
         sentences.append(
             f"The drive flanks part by up to {_value(attrs, 'deepest_separation', 1e6)} µrad of "
-            f"{1e6 * attrs['gap_width']:g} µrad and strike {_count(attrs, '')} times per cycle "
+            f"{1e6 * attrs['gap_width']:g} µrad and strike {_times(attrs, '')} per cycle "
             f"({attrs['resolved_impacts_per_cycle']:g} counting every bounce), the coast flanks "
-            f"{_count(attrs, 'back_')} times.")
+            f"{_times(attrs, 'back_')}.")
         if attrs["contact_law"] != "compliant":
-            sentences.append("The impacts take "
-                             f"{_value(attrs, 'impact_energy_per_cycle', 1e3)} mJ in each cycle.")
+            sentences.append(_energy_sentence(attrs))
         if attrs["deepest_back_penetration"] > 0:
             sentences.append("The coast flank is pressed in by up to "
                              f"{_value(attrs, 'deepest_back_penetration', 1e6)} µrad.")
@@ -198,12 +207,27 @@ def _paragraph(attrs):
     return " ".join(sentence for sentence in sentences if sentence)
 
 
+def _times(attrs, side):
+    text = _count(attrs, side)
+    return text + (" time" if text == "1" else " times")
+
+
+def _energy_sentence(attrs):
+    """What the impacts take, or what the motion gains: the absolute law may feed energy in."""
+    if attrs["impact_energy_per_cycle"] < 0:
+        return ("In the impacts the motion gains "
+                f"{_value(attrs, 'impact_energy_per_cycle', -1e3)} mJ in each cycle.")
+    return f"The impacts take {_value(attrs, 'impact_energy_per_cycle', 1e3)} mJ in each cycle."
+
+
 def _motion_sentence(attrs):
     chatter = ""
     if attrs["chatter_ends_per_cycle"] > 0:
-        chatter = f", with {attrs['chatter_ends_per_cycle']:.4g} complete chatters per cycle"
+        number = float(f"{attrs['chatter_ends_per_cycle']:.4g}")
+        chatter = f", with {plural(number, 'complete chatter')} per cycle"
     if not attrs["period"]:
-        return f"the motion has no period up to {attrs['max_period']} mesh cycles{chatter}."
+        longest = plural(attrs["max_period"], "mesh cycle")
+        return f"the motion has no period up to {longest}{chatter}."
     cycles = "every mesh cycle" if attrs["period"] == 1 else f"every {attrs['period']} mesh cycles"
     return f"the motion repeats {cycles}, class {attrs['motion_class']}{chatter}."
 
@@ -220,7 +244,8 @@ def _force_sentence(attrs):
 def _comparison(attrs):
     """The source's numbers against these."""
     parts = []
-    for key, factor, unit in (("impacts_per_cycle", 1, "impacts per cycle"),
+    impact = "impact" if attrs.get("claim_impacts_per_cycle") == 1 else "impacts"
+    for key, factor, unit in (("impacts_per_cycle", 1, f"{impact} per cycle"),
                               ("deepest_separation", 1e6, "µrad deepest separation")):
         claim = attrs.get(f"claim_{key}")
         if claim is None:
@@ -245,7 +270,7 @@ def _trust(attrs):
     other = attrs["motion_class_reference"]
     if attrs["status_reference"]:
         sentence = "The second run, for the error, failed; no error is known."
-    elif other != attrs["motion_class"]:
+    elif _doubtful(attrs):
         sentence = (f"**The run at tolerance {attrs['rtol_reference']:g} gives another motion, "
                     f"{other}: do not rely on the class.**")
     elif attrs["error_kind"] != "convergence":
@@ -270,77 +295,6 @@ def _trust(attrs):
 def _drifts(attrs, key):
     limit = max(SETTLED * abs(attrs[key]), attrs[f"{key}_error"])
     return abs(attrs[f"{key}_transient"]) > limit
-
-
-def _sweep(sweep):
-    """Findings of one sweep, as a list."""
-    parameter = sweep.attrs["parameter"]
-    unit = UNITS.get(parameter, "")
-    values = sweep[parameter].values
-    unfinished = int((sweep["status"] == Status.UNFINISHED).sum())
-    failed = int((sweep["status"] != Status.OK).sum()) - unfinished
-    lines = [f"- {parameter.replace('_', ' ')} from {values[0]:g} to {values[-1]:g} {unit}: "
-             f"{values.size} values × {sweep.sizes['start']} starts, {sweep.attrs['settle']} mesh "
-             f"cycles to settle and {sweep.attrs['record']} recorded, tolerance "
-             f"{sweep.attrs['rtol']:g}; {failed or 'none'} of {sweep['status'].size} failed"
-             + f", **{unfinished} not reached**" * bool(unfinished)]
-    if "deepest_separation" not in sweep:
-        return lines
-    depth = sweep["deepest_separation"].max("recorded_cycle")
-    back = sweep["back_impacts"].sum("recorded_cycle") + \
-        sweep["back_engages"].sum("recorded_cycle") > 0
-    lines.append("- last back impact: " + _largest(values, back, unit, "none seen"))
-    lines.append("- last separation: " + _largest(values, depth > 0, unit, "none"))
-    if "full_engagement" in sweep.attrs:
-        lines.append(f"- complete engagement from {sweep.attrs['full_engagement']:.10g} {unit}: "
-                     "above it the engaged motion never separates (contact is first lost at mesh "
-                     f"phase {sweep.attrs['full_engagement_phase']:.6f}); other motions may exist "
-                     "beside it")
-    lines.append("- hysteresis: " + _hysteresis(sweep, depth, values, unit))
-    lines.append("- impacts are counted after flights deeper than "
-                 f"{100 * sweep.attrs['count_depth']:g} % of their cycle's deepest separation")
-    return lines
-
-
-def _largest(values, seen, unit, none):
-    """Largest value at which something was seen, for each start."""
-    parts = []
-    for start in seen["start"].values:
-        hits = values[seen.sel(start=start).values]
-        found = f"{hits[-1]:g} {unit}" if hits.size else none
-        if hits.size and hits[-1] == values[-1]:
-            found += " (the end of the range)"
-        parts.append(f"{found} ({START_NAMES.get(str(start), start)})")
-    return ", ".join(parts)
-
-
-def _hysteresis(sweep, depth, values, unit):
-    """Intervals in which the branches carried up and down end in different motions."""
-    if not {"up", "down"} <= set(sweep["start"].values.tolist()):
-        return "not looked for (needs the starts up and down)"
-    one, two = (sweep.sel(start=start) for start in ("up", "down"))
-    greatest = np.fmax(depth.sel(start="up").values, depth.sel(start="down").values)
-    apart = np.abs(depth.sel(start="up").values - depth.sel(start="down").values)
-    settled = (one["period"] > 0).values & (two["period"] > 0).values
-    differ = settled & (apart > DEPTH_DIFFERS * greatest)
-    differ |= (one["period"] != two["period"]).values
-    # An impact count beside a complete chatter hangs on its threshold: no class boundary.
-    chatter = (one["chatter_ends"].sum("recorded_cycle")
-               + two["chatter_ends"].sum("recorded_cycle")).values > 0
-    for key in ("counted_impacts", "counted_back_impacts"):
-        means = [branch[key].mean("recorded_cycle").values for branch in (one, two)]
-        differ |= settled & ~chatter & (means[0] != means[1])
-    differ &= (one["status"] == Status.OK).values & (two["status"] == Status.OK).values
-    runs = [f"{first:g}" if first == last else f"{first:g}–{last:g}"
-            for first, last in _intervals(values, differ)]
-    return ("up and down differ in period, impacts or depth at " + ", ".join(runs) + f" {unit}"
-            if runs else "none: up and down agree in period, impacts and depth")
-
-
-def _intervals(values, flags):
-    """First and last value of each run of flags."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
-    return [(values[first], values[last - 1]) for first, last in edges.reshape(-1, 2)]
 
 
 def _provenance(results):

@@ -12,6 +12,7 @@ from plot_data import CURVES, RESPONSES, make_curve, make_results
 
 from lapwing import Status, plots
 from lapwing.plots import style
+from lapwing.plots.deepest_separation import _crossings, _free_place
 from lapwing.plots.trajectory import path
 
 SWEEPS = ("torque", "failed", "speed", "plain")
@@ -114,6 +115,27 @@ def test_a_sweep_shows_the_critical_torque_and_the_claims(results):
     assert any("source: 630 µrad" in text for text in texts(figure))
     markers = [line for line in figure.axes[0].lines if line.get_marker() == "D"]
     assert [line.get_xydata().tolist() for line in markers] == [[[1.8, pytest.approx(630)]]]
+
+
+@pytest.mark.parametrize(("critical", "side"), [(11.9, "right"), (1.5, "left")])
+def test_the_words_at_the_critical_torque_stay_inside(results, critical, side):
+    figure = draw("deepest_separation", results.sweep("torque"), results.gear_pair,
+                  full_engagement=critical)
+    words = next(text for text in figure.axes[0].texts if "T_full" in text.get_text())
+    assert words.get_horizontalalignment() == side
+
+
+def test_the_ends_of_a_sweep_are_inside(results):
+    low, high = draw("orbit_diagram", results.sweep("torque"), None).axes[3].get_xlim()
+    assert 0.8 < low < 1 and 14 < high < 14.2
+
+
+def test_the_leader_of_a_claim_avoids_the_data():
+    """A marker below a step down: the words go below it too, not across the step."""
+    step = np.array([(0, 0.9, 0.4, 0.9), (0.4, 0.9, 0.5, 0.1), (0.5, 0.1, 1, 0.1)])
+    place, box = _free_place(step, np.array((0.3, 0.5)), 0.15)
+    assert sum(_crossings(step, line) for line in (*box, np.array((0.3, 0.5, *place)))) == 0
+    assert _crossings(step, np.array((0.3, 0.5, 0.8, 0.6))) == 1
 
 
 def test_failed_points_of_a_sweep_have_a_row_of_their_own(results):

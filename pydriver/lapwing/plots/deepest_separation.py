@@ -35,15 +35,16 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
     style.arcsec_scale(axis)
     _backlash(axis, gear_pair, top)
     parameter = sweep_parts.parameter_of(sweep)
-    for place, claim in enumerate(sorted(claims)):
+    curves = [line.get_xydata() for line in axis.lines if len(line.get_xydata()) > 2]
+    for claim in claims:
         sweep_parts.claim_marker(axis, claim.value, style.URAD * claim.depth)
-        _claim_text(axis, claim, max(0.3, 0.66 - 0.11 * place), sweep[parameter].values)
     sweep_parts.mark_full_engagement(
         [axis], sweep_parts.full_engagement_of(sweep, full_engagement), axis,
         sweep[parameter].values, height=0.86)
     sweep_parts.finish(figure, [axis], sweep,
                        f"deepest separation: {sweep.attrs.get('name', '')}"
                        if title is None else title)
+    _claim_texts(axis, sorted(claims), curves)
     sweep_parts.legend(figure, axis, sweep, claims=bool(claims))
     return figure
 
@@ -68,14 +69,56 @@ def _backlash(axis, gear_pair, top):
               transform=axis.get_yaxis_transform(), ha="center", va="bottom")
 
 
-def _claim_text(axis, claim, height, values):
-    """What is claimed, to the right of and above its marker, where the depths have fallen."""
-    span = values[-1] - values[0]
-    place = min(claim.value + 0.07 * span, values[-1] - 0.12 * span)
-    depth = style.URAD * claim.depth
-    words = f"source: {depth:.3g} µrad" if depth else "source: none"
-    axis.annotate(words, (claim.value, depth), xytext=(place, height),
-                  textcoords=axis.get_xaxis_transform(),
-                  fontsize=8.5, color=style.CLAIM_TEXT, zorder=6,
-                  bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1},
-                  arrowprops={"arrowstyle": "-", "color": style.CLAIM_TEXT, "linewidth": 0.7})
+def _claim_texts(axis, claims, curves):
+    """What is claimed, each beside its marker where words and leader cross least of the data.
+
+    All is done in parts of the panel, whose limits must be final.
+    """
+    to_panel = axis.transData + axis.transAxes.inverted()
+    lines = [to_panel.transform(curve[np.isfinite(curve).all(1)]) for curve in curves]
+    segments = np.concatenate([np.zeros((0, 4)), *(np.hstack([line[:-1], line[1:]])
+                                                   for line in lines)])
+    markers = [to_panel.transform((claim.value, style.URAD * claim.depth)) for claim in claims]
+    for x, y in markers:
+        segments = np.vstack([segments, (x - 0.01, y, x + 0.01, y), (x, y - 0.02, x, y + 0.02)])
+    for claim, marker in zip(claims, markers, strict=True):
+        depth = style.URAD * claim.depth
+        words = f"source: {depth:.3g} µrad" if depth else "source: none"
+        place, box = _free_place(segments, marker, 0.0095 * len(words))
+        segments = np.vstack([segments, box])
+        axis.annotate(words, (claim.value, depth), xytext=place, ha="center", va="center",
+                      textcoords="axes fraction",
+                      fontsize=8.5, color=style.CLAIM_TEXT, zorder=6,
+                      bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1},
+                      arrowprops={"arrowstyle": "-", "color": style.CLAIM_TEXT, "linewidth": 0.7,
+                                  "shrinkB": 5})
+
+
+def _free_place(segments, marker, width, height=0.05):
+    """Middle of a box (parts of the panel) that crosses least, then lies nearest; its diagonals."""
+    best = None
+    for x in np.arange(0.5 * width + 0.01, 1 - 0.5 * width, 0.02):
+        for y in np.arange(0.05, 0.78, 0.03):
+            left, right = x - 0.5 * width, x + 0.5 * width
+            low, high = y - 0.5 * height, y + 0.5 * height
+            box = np.array([(left, low, right, high), (left, high, right, low)])
+            # The leader starts clear of its own marker.
+            start = marker + 0.15 * (np.array((x, y)) - marker)
+            distance = np.hypot(x - marker[0], 0.6 * (y - marker[1]))
+            if distance < 0.5 * width:
+                continue
+            crossed = sum(_crossings(segments, line)
+                          for line in (*box, np.array((*start, x, y))))
+            if best is None or (crossed, distance) < best[0]:
+                best = (crossed, distance), (x, y), box
+    return best[1:]
+
+
+def _crossings(segments, line):
+    """How many segments (rows x, y, x, y) a line crosses."""
+    def side(a, b, c):
+        return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+    one, two, start, end = segments[:, :2].T, segments[:, 2:].T, line[:2], line[2:]
+    return int(np.sum((side(start, end, one) * side(start, end, two) < 0)
+                      & (side(one, two, start) * side(one, two, end) < 0)))

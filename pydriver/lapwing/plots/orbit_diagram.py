@@ -60,7 +60,7 @@ orbit_diagram = draw
 def _dots(axis, x, y, look):
     """Many points of a branch."""
     axis.plot(x, y, linestyle="", marker="o", markersize=look["size"], markeredgewidth=0,
-              alpha=0.7, color=look["color"], rasterized=True)
+              alpha=look["alpha"], color=look["color"], rasterized=True)
 
 
 def _section(axis, sweep, gear_pair, claims):

@@ -123,11 +123,11 @@ def _marks(axes, response, highest):
     orders = np.arange(1, highest + 1)
     for axis in axes:
         axis.grid(False, axis="x")
-        for order in orders:
-            axis.axvline(order, color="0.85", linewidth=0.8, zorder=0)
+        panel = {"transform": axis.get_xaxis_transform(), "color": "0.85", "zorder": 0}
+        axis.vlines(orders, 0, 1, linewidth=0.8, **panel)
         if 1 < period <= 8:
-            for order in np.arange(1, period * highest) / period:
-                axis.axvline(order, color="0.85", linewidth=0.7, linestyle=":", zorder=0)
+            axis.vlines(np.arange(1, period * highest) / period, 0, 1, linewidth=0.7,
+                        linestyle=":", **panel)
         axis.axvline(natural, color=style.GREEN, linewidth=1.1, linestyle=(0, (5, 3)), zorder=1)
     axes[0].annotate(f"natural frequency: order {natural:.3g}", (natural, 0.95),
                      xycoords=("data", "axes fraction"), xytext=(5, 0),

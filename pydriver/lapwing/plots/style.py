@@ -18,9 +18,9 @@ CLAIM, CLAIM_TEXT = PURPLE, "#8F3F6E"
 WALL, QUIET = "0.35", "0.4"
 
 START_STYLES = {
-    "rest": {"color": BLACK, "size": 1.0, "label": "each from rest"},
-    "up": {"color": VERMILION, "size": 1.8, "label": "carried upwards"},
-    "down": {"color": SKY, "size": 2.8, "label": "carried downwards"},
+    "rest": {"color": BLACK, "size": 0.8, "alpha": 0.45, "label": "each from rest"},
+    "up": {"color": VERMILION, "size": 1.8, "alpha": 0.7, "label": "carried upwards"},
+    "down": {"color": SKY, "size": 2.8, "alpha": 0.7, "label": "carried downwards"},
 }
 # Drawn in this order, the large markers first, so that branches that coincide are all seen.
 DRAWING_ORDER = ("down", "up", "rest")
@@ -62,7 +62,7 @@ def new_figure(width, height):
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
@@ -75,8 +75,12 @@ def save(figure, path):
     """
     path = Path(path)
     metadata = {".png": {"Software": None}, ".pdf": {"CreationDate": None, "Producer": None}}
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        # With any engine left, even an idle one, saving draws everything twice.
+        figure.set_layout_engine(None)
     figure.savefig(path, dpi=DPI, metadata=metadata.get(path.suffix))
-    figure.set_layout_engine("none")
 
 
 def second_scale(axis, side, factor, label):

@@ -15,6 +15,11 @@ AXIS_LABELS = {"brake_torque": "braking torque (N·m)", "drive_torque": "drive t
                "mesh_frequency_hz": "mesh frequency (Hz)", "backlash": "backlash (rad)",
                "restitution": "coefficient of restitution", "damping_ratio": "damping ratio"}
 
+# Part of the range that the words beside the line of complete engagement may need.
+ROOM = 0.4
+# Free part of the range at either end, so that the points there are whole.
+MARGIN = 0.008
+
 
 class Claim(NamedTuple):
     """What a source reports at one value of the parameter; NaN: nothing.
@@ -75,10 +80,14 @@ def mark_full_engagement(axes, value, labelled, x, height=0.96):
         return
     for axis in axes:
         axis.axvline(value, color="0.35", linewidth=0.9, linestyle=(0, (5, 3)), zorder=1)
+    # Where there is no room to the left of the line, the words go to its right.
+    left = value - x[0] > ROOM * (x[-1] - x[0])
     labelled.annotate(
-        f"T_full = {value:.5g}: above,\nthe engaged response keeps contact", (value, height),
-        xycoords=("data", "axes fraction"), xytext=(-6, 0), textcoords="offset points",
-        ha="right", va="top", fontsize=8.5, color="0.25",
+        f"T_full = {value:.5g}: complete engagement from\nhere on (the engaged motion keeps "
+        "contact)", (value, height),
+        xycoords=("data", "axes fraction"), xytext=(-6 if left else 6, 0),
+        textcoords="offset points", ha="right" if left else "left", va="top",
+        fontsize=8.5, color="0.25",
         bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1})
 
 
@@ -110,7 +119,11 @@ def finish(figure, axes, sweep, title):
     values = sweep[parameter].values
     axes[-1].set_xlabel(AXIS_LABELS.get(parameter, parameter.replace("_", " ")))
     if values[-1] > values[0]:
-        axes[-1].set_xlim(values[0], values[-1])
         if values[0] > 0 and np.ptp(np.diff(np.log(values))) < 1e-6 and values[-1] > 3 * values[0]:
             axes[-1].set_xscale("log")
+            wider = (values[-1] / values[0]) ** MARGIN
+            axes[-1].set_xlim(values[0] / wider, values[-1] * wider)
+        else:
+            wider = MARGIN * (values[-1] - values[0])
+            axes[-1].set_xlim(values[0] - wider, values[-1] + wider)
     figure.suptitle(title)
