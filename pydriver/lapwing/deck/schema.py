@@ -25,7 +25,7 @@ class Group(BaseModel):
     `exclusive` lists sets of keys of which one is meant; `needed` says whether one must be given.
     """
 
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, defer_build=True)
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
     title: ClassVar[str] = ""
     exclusive: ClassVar[tuple] = ()
     needed: ClassVar[bool] = True
