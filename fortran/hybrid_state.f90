@@ -5,7 +5,7 @@ module lapwing_hybrid_state
   use lapwing_system, only: instant_t, frame_t, motion_t
   implicit none
   private
-  public :: hybrid_state_t, numerics_t, event_t, segment_t, max_segment_events
+  public :: hybrid_state_t, numerics_t, event_t, segment_t
 
   !> Most events one segment can end with: kink, impact, release, engage.
   integer, parameter :: max_segment_events = 4

@@ -197,13 +197,23 @@ contains
     real(wp), intent(in) :: s                    !! time since the frame was opened
     real(wp), intent(in) :: z(:)                 !! position and velocity
     real(wp), intent(out) :: rate(:)             !! velocity and acceleration
-    real(wp) :: position, slope
     rate(1) = z(2)
-    rate(2) = self%force
+    rate(2) = acceleration(self, frame, motion_state, s, z(1), z(2))
+  end subroutine derivatives
+
+  !> theta'': the force, and in contact spring and damper of the flank.
+  pure real(wp) function acceleration(self, frame, motion_state, s, theta, theta_dot)
+    class(oscillator_t), intent(in) :: self
+    type(frame_t), intent(in) :: frame           !! frame as opened
+    integer, intent(in) :: motion_state          !! motion state
+    real(wp), intent(in) :: s                    !! time since the frame was opened
+    real(wp), intent(in) :: theta, theta_dot     !! position and velocity in the frame
+    real(wp) :: position, slope
+    acceleration = self%force
     if (motion_state == separation) return
     call flank_in_frame(self, frame, motion_state, s, position, slope)
-    rate(2) = self%force - self%damping*(z(2) - slope) - (z(1) - position)
-  end subroutine derivatives
+    acceleration = self%force - self%damping*(theta_dot - slope) - (theta - position)
+  end function acceleration
 
   !> Position and velocity, in the frame, of the flank in contact (a contact state has its number).
   pure subroutine flank_in_frame(self, frame, flank, s, position, slope)
@@ -242,12 +252,8 @@ contains
       real(wp), intent(in) :: s         !! time since the frame was opened
       real(wp), intent(in) :: at(n)     !! local coordinates
       real(wp), intent(out) :: rate(n)  !! their rates
-      real(wp) :: position, slope
       rate(1) = at(2)
-      rate(2) = self%force
-      if (motion_state == separation) return
-      call flank_in_frame(self, frame, motion_state, s, position, slope)
-      rate(2) = self%force - self%damping*(at(2) - slope) - (at(1) - position)
+      rate(2) = acceleration(self, frame, motion_state, s, at(1), at(2))
     end subroutine rate_of_change
   end subroutine stages
 

@@ -7,7 +7,7 @@ module lapwing_state_blob
   use lapwing_system, only: max_states
   implicit none
   private
-  public :: blob_size, work_size, pack_blob, unpack_blob, pack_work, unpack_work
+  public :: blob_size, work_size, pack_blob, unpack_blob, pack_work
 
   integer, parameter :: work_size = 8
   !> The counts come first: Python reads them there.

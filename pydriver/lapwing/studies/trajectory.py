@@ -9,7 +9,6 @@ import numpy as np
 from lapwing import engine
 from lapwing.codes import MotionState, Status
 from lapwing.engine import CYCLE_NAMES, Numerics, TrajectoryCall, Wanted, position
-from lapwing.oscillator import ParameterError
 
 LOG_NAMES = ("kind", "cycle", "t", "phi", "velocity_before", "velocity_after")
 RECORDS = ("events", "cycles", "grazes")
@@ -283,4 +282,4 @@ def _history(run, taus):
         attrs={"samples": call.work["samples"]})
 
 
-__all__ = ["HybridState", "ParameterError", "Run", "simulate"]
+__all__ = ["HybridState", "Run", "simulate"]
