@@ -18,7 +18,7 @@ contains
   !> Named codes in the order of `lapwing.codes`, for the test that both sides agree.
   subroutine code_values(values)
     use lapwing_marshal, only: all_codes
-    integer(c_int), intent(out) :: values(31)   !! the codes
+    integer(c_int), intent(out) :: values(33)   !! the codes
     values = all_codes
   end subroutine code_values
 
@@ -39,14 +39,17 @@ contains
   end subroutine evaluate_table
 
   !> Go on with one trajectory until its target, a full log or the deadline.
-  subroutine trajectory(n_pieces, knots, coefficients, kinks, n_reals, reals, n_choices, choices, &
-      start, target, seconds, n_blob, blob, n_samples, sample_time, samples, n_log, log, &
+  subroutine trajectory(n_pieces, knots, coefficients, kinks, n_series, series, n_reals, reals, n_choices, &
+      choices, start, target, seconds, n_blob, blob, n_samples, sample_time, samples, n_log, log, &
       n_cycles, cycles, done)
     use lapwing_marshal, only: go_on_with_trajectory
     integer(c_int), intent(in) :: n_pieces                          !! table pieces
     real(c_double), intent(in) :: knots(n_pieces + 1)               !! mesh phase
     real(c_double), intent(in) :: coefficients(6, n_pieces)         !! rad per period**k
     integer(c_int), intent(in) :: kinks(n_pieces)                   !! 1: slope jump
+    integer(c_int), intent(in) :: n_series                          !! terms of the series
+    real(c_double), intent(in) :: series(3, n_series)               !! order, amplitude (rad),
+                                                                    !! shift; order -1: none
     integer(c_int), intent(in) :: n_reals                           !! real parameters
     real(c_double), intent(in) :: reals(n_reals)                    !! real parameters
     integer(c_int), intent(in) :: n_choices                         !! integer parameters
@@ -67,28 +70,32 @@ contains
     real(c_double), intent(out) :: done(8)                          !! status, log lines, cycles,
                                                                     !! cycle, t, state, phi, phi'
     !f2py threadsafe
-    call go_on_with_trajectory(knots, coefficients, kinks, reals, choices, start, target, &
-        seconds, blob, sample_time, samples, log, cycles, done)
+    call go_on_with_trajectory(knots, coefficients, kinks, series, reals, choices, start, &
+        target, seconds, blob, sample_time, samples, log, cycles, done)
   end subroutine trajectory
 
   !> Go on with a sweep until it is done or the deadline has come.
-  subroutine sweep(n_pieces, knots, coefficients, kinks, n_reals, n_points, reals, n_choices, &
-      choices, phase, n_lines, lines, seconds, n_threads, n_blob, blobs, n_record, cycles, n_log, &
+  subroutine sweep(n_pieces, knots, coefficients, kinks, n_series, series, n_reals, n_points, &
+      reals, n_choices, choices, n_lines, lines, starts, seconds, n_threads, n_blob, blobs, n_record, cycles, n_log, &
       log, n_outcome, outcome)
     use lapwing_marshal, only: go_on_with_sweep
     integer(c_int), intent(in) :: n_pieces                          !! table pieces
     real(c_double), intent(in) :: knots(n_pieces + 1)               !! mesh phase
     real(c_double), intent(in) :: coefficients(6, n_pieces)         !! rad per period**k
     integer(c_int), intent(in) :: kinks(n_pieces)                   !! 1: slope jump
+    integer(c_int), intent(in) :: n_series                          !! terms of the series
+    real(c_double), intent(in) :: series(3, n_series)               !! order, amplitude (rad),
+                                                                    !! shift; order -1: none
     integer(c_int), intent(in) :: n_reals                           !! real parameters
     integer(c_int), intent(in) :: n_points                          !! points
     real(c_double), intent(in) :: reals(n_reals, n_points)          !! real parameters by point
     integer(c_int), intent(in) :: n_choices                         !! integer parameters
     integer(c_int), intent(in) :: choices(n_choices)                !! integer parameters
-    real(c_double), intent(in) :: phase                             !! start phase
     integer(c_int), intent(in) :: n_lines                           !! lines
     integer(c_int), intent(inout) :: lines(5, n_lines)              !! first, last, carried, point,
                                                                     !! stage
+    real(c_double), intent(in) :: starts(4, n_lines)                !! -1 rest, or motion state; phi,
+                                                                    !! phi', phase
     real(c_double), intent(in) :: seconds                           !! time for this call
     integer(c_int), intent(in) :: n_threads                         !! threads
     integer(c_int), intent(in) :: n_blob                            !! size of a blob
@@ -101,7 +108,7 @@ contains
     real(c_double), intent(inout) :: outcome(n_outcome, n_points)   !! status, log lines, motion
                                                                     !! state, phi, phi', work
     !f2py threadsafe
-    call go_on_with_sweep(knots, coefficients, kinks, reals, choices, phase, lines, seconds, &
-        n_threads, blobs, cycles, log, outcome)
+    call go_on_with_sweep(knots, coefficients, kinks, series, reals, choices, lines, starts, &
+        seconds, n_threads, blobs, cycles, log, outcome)
   end subroutine sweep
 end module api

@@ -6,6 +6,7 @@ module lapwing_codes
   public :: no_flank, drive_flank, coast_flank
   public :: law_restitution, law_compliant, law_rigid
   public :: law_relative, law_absolute
+  public :: method_rk4, method_exact
   public :: gap_one_sided, gap_symmetric, gap_one_flank
   public :: event_impact, event_release, event_engage, event_chatter_end, event_kink
   public :: event_near_graze, event_kind
@@ -30,6 +31,10 @@ module lapwing_codes
   ! Impact laws
   integer, parameter :: law_relative = 1
   integer, parameter :: law_absolute = 2
+
+  ! Ways of moving along a smooth piece
+  integer, parameter :: method_rk4 = 1
+  integer, parameter :: method_exact = 2
 
   ! Gaps
   integer, parameter :: gap_one_sided = 1

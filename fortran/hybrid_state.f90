@@ -1,6 +1,7 @@
 !> The complete state of a run between two calls, and what one advance of it did.
 module lapwing_hybrid_state
   use lapwing_kinds, only: wp
+  use lapwing_codes, only: method_rk4
   use lapwing_step_control, only: step_memory_t
   use lapwing_system, only: instant_t, frame_t, motion_t
   implicit none
@@ -20,6 +21,7 @@ module lapwing_hybrid_state
 
   !> Tolerances and bounds.
   type :: numerics_t
+    integer :: method = method_rk4                 !! how smooth pieces are moved along
     real(wp) :: tolerance = 1.0e-10_wp             !! relative, per step
     real(wp) :: chatter_tolerance = 1.0e-10_wp     !! of a chatter's end, mesh periods
     integer :: max_events_per_cycle = 1000000      !! bound on events

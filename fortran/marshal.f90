@@ -3,7 +3,7 @@ module lapwing_marshal
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use lapwing_kinds, only: wp
   use lapwing_codes, only: separation, engagement, back_engagement, no_flank, drive_flank, &
-      coast_flank, law_restitution, law_compliant, law_rigid, law_relative, law_absolute, &
+      coast_flank, method_rk4, method_exact, law_restitution, law_compliant, law_rigid, law_relative, law_absolute, &
       gap_one_sided, gap_symmetric, gap_one_flank, event_impact, event_release, event_engage, &
       event_chatter_end, event_kink, event_near_graze, status_ok, status_too_many_events, &
       status_too_many_steps, status_step_too_small, status_not_finite, status_unfinished
@@ -25,18 +25,19 @@ module lapwing_marshal
   !> count depth, graze distance
   integer, parameter :: n_reals = 11
   !> contact law, impact law, gap, back_flank_te, largest numbers of events and of steps in a
-  !> cycle; events, impacts, grazes, strobe, cycles wanted; settling cycles, recorded cycles
-  integer, parameter :: n_choices = 13
+  !> cycle; events, impacts, grazes, strobe, cycles wanted; settling cycles, recorded cycles; method
+  integer, parameter :: n_choices = 14
 
   integer(c_int), parameter :: all_sizes(7) = [blob_size, work_size, log_columns, cycle_columns, &
       sample_columns, n_reals, n_choices]
-  integer(c_int), parameter :: all_codes(31) = [separation, engagement, back_engagement, &
+  integer(c_int), parameter :: all_codes(33) = [separation, engagement, back_engagement, &
       no_flank, drive_flank, coast_flank, event_impact, event_impact + 1, event_release, &
       event_release + 1, event_engage, event_engage + 1, event_chatter_end, &
       event_chatter_end + 1, event_kink, event_near_graze, event_near_graze + 1, &
       law_restitution, law_compliant, law_rigid, law_relative, law_absolute, gap_one_sided, &
       gap_symmetric, gap_one_flank, status_ok, status_too_many_events, status_too_many_steps, &
-      status_step_too_small, status_not_finite, status_unfinished]
+      status_step_too_small, status_not_finite, status_unfinished, &
+      method_rk4, method_exact]
 
 contains
 
@@ -85,6 +86,7 @@ contains
     numerics%chatter_tolerance = reals(9)
     numerics%max_events_per_cycle = choices(5)
     numerics%max_steps_per_cycle = choices(6)
+    numerics%method = choices(14)
   end function numerics_from
 
   function recorder_from(reals, choices) result(recorder)
@@ -101,11 +103,12 @@ contains
   end function recorder_from
 
   !> See `api`.
-  subroutine go_on_with_trajectory(knots, coefficients, kinks, reals, choices, start, target, &
-      seconds, blob, sample_time, samples, log, cycles, done)
+  subroutine go_on_with_trajectory(knots, coefficients, kinks, series, reals, choices, start, &
+      target, seconds, blob, sample_time, samples, log, cycles, done)
     real(c_double), intent(in) :: knots(:)                          !! mesh phase
     real(c_double), intent(in) :: coefficients(:, :)                !! (6, n)
     integer(c_int), intent(in) :: kinks(:)                          !! 1: slope jump
+    real(c_double), intent(in) :: series(:, :)                      !! (3, terms), order -1: none
     real(c_double), intent(in) :: reals(:)                          !! (n_reals)
     integer(c_int), intent(in) :: choices(:)                        !! (n_choices)
     real(c_double), intent(in) :: start(4)                          !! how to begin
@@ -149,15 +152,16 @@ contains
   end subroutine go_on_with_trajectory
 
   !> See `api`.
-  subroutine go_on_with_sweep(knots, coefficients, kinks, reals, choices, phase, lines, seconds, &
-      n_threads, blobs, cycles, log, outcome)
+  subroutine go_on_with_sweep(knots, coefficients, kinks, series, reals, choices, lines, starts, &
+      seconds, n_threads, blobs, cycles, log, outcome)
     real(c_double), intent(in) :: knots(:)                          !! mesh phase
     real(c_double), intent(in) :: coefficients(:, :)                !! (6, n)
     integer(c_int), intent(in) :: kinks(:)                          !! 1: slope jump
+    real(c_double), intent(in) :: series(:, :)                      !! (3, terms), order -1: none
     real(c_double), intent(in) :: reals(:, :)                       !! (n_reals, n_points)
     integer(c_int), intent(in) :: choices(:)                        !! (n_choices)
-    real(c_double), intent(in) :: phase                             !! start phase
     integer(c_int), intent(inout) :: lines(:, :)                    !! (5, n_lines)
+    real(c_double), intent(in) :: starts(:, :)                      !! (4, n_lines)
     real(c_double), intent(in) :: seconds                           !! time for this call
     integer(c_int), intent(in) :: n_threads                         !! threads
     real(c_double), intent(inout) :: blobs(:, :)                    !! runs under way
@@ -178,12 +182,12 @@ contains
     sweep%recorder = recorder_from(reals(:, 1), choices)
     sweep%settle = choices(12)
     sweep%record = choices(13)
-    sweep%phase = phase
     sweep%cycles => cycles
     sweep%log => log
     sweep%outcome => outcome
     do i = 1, size(line)
-      line(i) = line_t(lines(1, i), lines(2, i), lines(3, i) == 1, lines(4, i), lines(5, i))
+      line(i) = line_t(lines(1, i), lines(2, i), lines(3, i) == 1, lines(4, i), lines(5, i), &
+          starts(:, i))
     end do
     call sweep_lines(sweep, line, blobs, deadline_in(seconds), n_threads)
     do i = 1, size(line)

@@ -30,7 +30,6 @@ module lapwing_sweep
     type(recorder_t) :: recorder                                   !! what is wanted of each point
     integer :: settle = 0                                          !! cycles before recording
     integer :: record = 0                                          !! cycles recorded
-    real(wp) :: phase = 0                                          !! start phase
     real(wp), pointer, contiguous :: cycles(:, :, :) => null()     !! (columns, record, n_points)
     real(wp), pointer, contiguous :: log(:, :, :) => null()        !! (columns, room, n_points)
     real(wp), pointer, contiguous :: outcome(:, :) => null()       !! (4 + work_size, n_points)
@@ -43,6 +42,9 @@ module lapwing_sweep
     logical :: carried = .false.  !! whether a point begins where the one before ended
     integer :: point = 1          !! point under way
     integer :: stage = 0          !! stage_*
+    !> First point: -1 (rest) or motion state, phi, phi', and phase. Later points begin at the
+    !> same phase: at rest, or as carried.
+    real(wp) :: start(4) = [-1, 0, 0, 0]
   end type line_t
 
 contains
@@ -79,7 +81,7 @@ contains
       system = oscillator(sweep%point(line%point), sweep%knots, sweep%coefficients, sweep%kinks)
       recorder = sweep%recorder
       if (line%stage == stage_start) then
-        call start_point(sweep, system, line, blob, state)
+        call start_point(system, line, blob, state)
         work = work_t()
         line%stage = stage_settle
       else
@@ -95,16 +97,18 @@ contains
   end subroutine go_on
 
   !> Where a point begins: the state the line carries, or rest.
-  subroutine start_point(sweep, system, line, blob, state)
-    type(sweep_t), intent(in) :: sweep               !! the sweep
+  subroutine start_point(system, line, blob, state)
     type(oscillator_t), intent(in) :: system         !! the point's oscillator
     type(line_t), intent(in) :: line                 !! the line
     real(wp), intent(in) :: blob(:)                  !! carried: -1 or motion state, phi, phi'
     type(hybrid_state_t), intent(out) :: state       !! state to begin with
-    if (line%carried .and. line%point /= line%first .and. blob(1) >= 0) then
-      state%instant = start_from(system, sweep%phase, nint(blob(1)), blob(2), blob(3))
+    real(wp) :: begin(3)
+    begin = line%start(:3)
+    if (line%carried .and. line%point /= line%first) begin = blob(1:3)
+    if (begin(1) >= 0) then
+      state%instant = start_from(system, line%start(4), nint(begin(1)), begin(2), begin(3))
     else
-      state%instant = start_at_rest(system, sweep%phase)
+      state%instant = start_at_rest(system, line%start(4))
     end if
   end subroutine start_point
 
@@ -125,7 +129,7 @@ contains
     real(wp), target :: final_time(2, 1)
     status = status_ok
     final = 0
-    target_t = sweep%phase*system%period
+    target_t = line%start(4)*system%period
     if (line%stage == stage_settle) then
       call run_to(system, sweep%numerics, max(sweep%settle - 1, 0), target_t, deadline, state, &
           silent, work, status)

@@ -56,7 +56,7 @@ def test_the_api_file_declares_c_kinds_with_explicit_shapes():
 
 def test_codes_are_those_of_the_engine():
     mirrored = (codes.MotionState, codes.Flank, codes.EventKind, codes.ContactLaw,
-                codes.ImpactLaw, codes.Gap, codes.Status)
+                codes.ImpactLaw, codes.Gap, codes.Status, codes.Method)
     assert api.code_values().tolist() == [int(c) for c in itertools.chain(*mirrored)]
 
 
@@ -67,7 +67,8 @@ def test_the_order_of_the_codes_is_that_of_their_names():
     expected = []
     for enum, prefix in ((codes.MotionState, ""), (codes.Flank, ""), (codes.EventKind, "event_"),
                          (codes.ContactLaw, "law_"), (codes.ImpactLaw, "law_"),
-                         (codes.Gap, "gap_"), (codes.Status, "status_")):
+                         (codes.Gap, "gap_"), (codes.Status, "status_"),
+                         (codes.Method, "method_")):
         for member in enum:
             plain = member.name.lower()
             if enum is codes.Flank:

@@ -62,6 +62,13 @@ class Gap(IntEnum):
     ONE_FLANK = 3
 
 
+class Method(IntEnum):
+    """How smooth pieces are moved along: adaptive Runge-Kutta, or in closed form."""
+
+    RK4 = 1
+    EXACT = 2
+
+
 class Status(IntEnum):
     """How a run of the engine ended."""
 

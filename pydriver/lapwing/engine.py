@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lapwing._engine import api
-from lapwing.codes import ContactLaw, Gap, ImpactLaw, Status
+from lapwing.codes import ContactLaw, Gap, ImpactLaw, Method, Status
 
 CALL_SECONDS = 0.4
 LOG_ROOM = 1 << 16
@@ -33,6 +33,9 @@ CYCLE_NAMES = ("cycle", "motion_state", "phi", "phi_dot", "impacts", "back_impac
 GO_ON, REST = -2.0, -1.0
 # f2py takes no empty array; this one stands for no samples.
 NO_SAMPLE = np.array([[-1.0], [0.0]])
+# ... and this one for a transmission error that is no harmonic series.
+NO_SERIES = np.array([[-1.0], [0.0], [0.0]])
+METHODS = ("auto", "exact", "rk4")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +44,8 @@ class Numerics:
 
     Parameters
     ----------
+    method : 'auto', 'exact' or 'rk4'
+        closed form between events, or adaptive Runge-Kutta; 'auto': the first where it can be
     rtol : float, 1e-13 to 1e-2
         local error per step over the natural size of angles and velocities (docs/model.md)
     chatter_tol : float or None
@@ -51,6 +56,7 @@ class Numerics:
         bounds after which a run ends with a status
     """
 
+    method: str = "auto"
     rtol: float = 1e-10
     chatter_tol: float | None = None
     count_depth: float = 0.01
@@ -59,6 +65,8 @@ class Numerics:
 
     def __post_init__(self):
         problems = []
+        if self.method not in METHODS:
+            problems.append(f"method = {self.method!r}, meant is one of {', '.join(METHODS)}")
         for key, low, high in (("rtol", 1e-13, 1e-2), ("count_depth", 0, 1)):
             if not low <= getattr(self, key) <= high:
                 problems.append(f"{key} = {getattr(self, key)!r}, {low:g} to {high:g} is meant")
@@ -93,7 +101,13 @@ def _table_arguments(oscillators):
     coefficients = np.asfortranarray(te.coefficients.T.copy())
     if oscillators[0].back_flank_te:
         coefficients[0] -= 0.5 * sum(te.extrema)
-    return te.knots, coefficients, te.kinks.astype(np.intc)
+    series = np.asfortranarray(te.harmonics.T) if len(te.harmonics) else NO_SERIES
+    return te.knots, coefficients, te.kinks.astype(np.intc), series
+
+
+def method_of(osc, numerics):
+    """'exact' or 'rk4': how an oscillator is moved under `numerics`."""
+    return "rk4" if numerics.method == "auto" else numerics.method
 
 
 def _real_parameters(osc, numerics, wanted):
@@ -110,7 +124,7 @@ def _choices(osc, numerics, wanted, settle=0, record=0):
     codes = (ContactLaw[osc.contact_law.upper()], ImpactLaw[osc.impact_law.upper()],
              Gap[osc.gap.upper()], osc.back_flank_te, numerics.max_events_per_cycle,
              numerics.max_steps_per_cycle, wanted.events, wanted.impacts, wanted.grazes,
-             wanted.strobe, wanted.cycles, settle, record)
+             wanted.strobe, wanted.cycles, settle, record, Method[method_of(osc, numerics).upper()])
     return np.array([int(code) for code in codes], dtype=np.intc)
 
 
@@ -126,7 +140,7 @@ def flank_motion(osc, t):
     array (3, n), rad, rad, rad (per τ and τ²)
     """
     t = np.ascontiguousarray(t, dtype=float)
-    knots, _, kinks = _table_arguments([osc])
+    knots, _, kinks, _ = _table_arguments([osc])
     coefficients = np.asfortranarray(osc.te.coefficients.T)
     return api.evaluate_table(knots, coefficients, kinks, osc.flank_scale, osc.period, t)
 
@@ -204,7 +218,7 @@ class SweepResult:
     interrupted: bool = False
 
 
-def sweep(oscillators, lines, *, numerics, wanted, phase, settle, record, log_room, threads,
+def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_room, threads,
           progress=None, keep_interrupted=False):
     """Run many oscillators of one table in lines.
 
@@ -213,7 +227,8 @@ def sweep(oscillators, lines, *, numerics, wanted, phase, settle, record, log_ro
     oscillators : sequence of Oscillator, one per point, all with the same table and laws
     lines : sequence of (first, last, carried), points from first to last inclusive, 0-based,
         either way; carried: each point begins where the one before ended
-    phase : float, start phase of each point
+    starts : sequence of (motion state or REST, phi, phi', phase), one per line, for its first
+        point; later ones begin at the same phase
     settle, record : int, cycles before recording and cycles recorded
     log_room : int, impacts kept per point
     threads : int
@@ -231,6 +246,7 @@ def sweep(oscillators, lines, *, numerics, wanted, phase, settle, record, log_ro
     table = np.array([[first + 1, last + 1, carried, first + 1, 0]
                       for first, last, carried in lines], dtype=np.intc)
     table = np.asfortranarray(table.T)
+    starts = np.asfortranarray(np.array(starts, dtype=float).reshape(-1, 4).T)
     blobs = np.zeros((BLOB_SIZE, len(lines)), order="F")
     wants_cycles = wanted.cycles or wanted.strobe
     cycles = np.full((CYCLE_COLUMNS, record if wants_cycles else 1, n), np.nan, order="F")
@@ -241,8 +257,8 @@ def sweep(oscillators, lines, *, numerics, wanted, phase, settle, record, log_ro
     interrupted = False
     try:
         while np.any(table[4] < LINE_DONE):
-            api.sweep(*_table_arguments(oscillators), reals, choices, phase, table, CALL_SECONDS,
-                      threads, blobs, cycles, log, outcome)
+            api.sweep(*_table_arguments(oscillators), reals, choices, table, starts,
+                      CALL_SECONDS, threads, blobs, cycles, log, outcome)
             if progress is not None:
                 progress(float(np.mean(outcome[0] != Status.UNFINISHED)))
     except KeyboardInterrupt:

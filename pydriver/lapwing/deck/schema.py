@@ -127,9 +127,11 @@ class NumericsKeys(Group):
 
     title = "tolerances and bounds, for every study"
 
-    method: Literal["rk4"] = key("rk4", "integrator: adaptive Runge-Kutta of order 4")
-    rtol: float | None = key(None, "relative tolerance; left out: 1e-8 for a response, 1e-6 for a "
-                             "sweep", example=1e-8, ge=1e-13, le=1e-2)
+    method: Literal["auto", "exact", "rk4"] = key(
+        "auto", "motion between events: in closed form ('exact'), by adaptive Runge-Kutta "
+        "('rk4'), or the first where it can be ('auto')")
+    rtol: float | None = key(None, "relative tolerance of rk4; left out: 1e-8 for a response, 1e-6 "
+                             "for a sweep", example=1e-8, ge=1e-13, le=1e-2)
     chatter_tol: float | None = key(None, "error of the end of a complete chatter; left out: "
                                     "min(rtol, 1e-10)", "mesh periods", 1e-10, gt=0, le=1e-2)
     count_depth: float = key(0.01, "an impact is counted when its flight was deeper than this "

@@ -30,7 +30,7 @@ PARAMETER_UNITS = {"brake_torque": "N m", "drive_torque": "N m", "pinion_speed_r
 
 
 def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=400, record=100,
-          observe=("cycles",), phase=0.0, rtol=1e-6, chatter_tol=None, count_depth=0.01,
+          observe=("cycles",), phase=0.0, method="auto", rtol=1e-6, chatter_tol=None, count_depth=0.01,
           max_impacts=2000, max_events_per_cycle=1_000_000, max_steps_per_cycle=10_000_000,
           threads=None, progress=None, keep_interrupted=False, **operation):
     """Run a range of values of one parameter.
@@ -48,7 +48,7 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
     observe : of 'cycles' (statistics of each recorded cycle) and 'impacts' (phase and speed of
         up to `max_impacts` recorded impacts); the rest costs nothing
     phase : float, mesh phase at the start
-    rtol, chatter_tol, count_depth, max_events_per_cycle, max_steps_per_cycle : see `Numerics`
+    method, rtol, chatter_tol, count_depth, max_events_per_cycle, max_steps_per_cycle : see `Numerics`
     threads : int or None; default `default_threads()`; results do not depend on it
     progress : callable(fraction done) or None
     keep_interrupted : bool, whether Ctrl-C returns what is finished (attribute `interrupted`,
@@ -66,20 +66,22 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
         for every refused argument, the oscillator's own refusals included.
     """
     values = _check(parameter, values, starts, settle, record, observe, max_impacts)
-    numerics = Numerics(rtol=rtol, chatter_tol=chatter_tol, count_depth=count_depth,
+    numerics = Numerics(method=method, rtol=rtol, chatter_tol=chatter_tol, count_depth=count_depth,
                         max_events_per_cycle=max_events_per_cycle,
                         max_steps_per_cycle=max_steps_per_cycle)
     wanted = Wanted(cycles="cycles" in observe, strobe=True, impacts="impacts" in observe)
     oscillators = [_oscillator(pair, te, parameter, value, operation) for value in values]
     if any(osc.force < 0 and osc.gap == "one_flank" for osc in oscillators):
         raise ValueError("sweep: rest with a negative force needs a coast flank to rest on")
+    lines = _lines(starts, len(values))
     result = engine.sweep(
-        oscillators * len(starts), _lines(starts, len(values)), numerics=numerics, wanted=wanted,
-        phase=phase, settle=settle, record=record, log_room=max_impacts,
+        oscillators * len(starts), lines, [(engine.REST, 0, 0, phase)] * len(lines),
+        numerics=numerics, wanted=wanted, settle=settle, record=record, log_room=max_impacts,
         threads=threads or default_threads(), progress=progress,
         keep_interrupted=keep_interrupted)
     return _dataset(result, oscillators, parameter, values, starts, wanted, phase,
-                    {"settle": settle, "record": record, "rtol": rtol, "method": "rk4",
+                    {"settle": settle, "record": record, "rtol": rtol,
+                     "method": engine.method_of(oscillators[0], numerics),
                      "count_depth": count_depth, "interrupted": int(result.interrupted)})
 
 

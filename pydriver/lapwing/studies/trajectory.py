@@ -89,7 +89,7 @@ class Run:
         return _history(self, taus)
 
 
-def simulate(osc, start="rest", phase=0.0, cycles=50, method="rk4", rtol=1e-10, *,
+def simulate(osc, start="rest", phase=0.0, cycles=50, method="auto", rtol=1e-10, *,
              record=("events", "cycles"), graze_distance=None, chatter_tol=None, count_depth=0.01,
              max_events_per_cycle=1_000_000, max_steps_per_cycle=10_000_000):
     """Follow one trajectory.
@@ -101,12 +101,10 @@ def simulate(osc, start="rest", phase=0.0, cycles=50, method="rk4", rtol=1e-10, 
         oscillator is continued bit for bit, under another one a new run begins in that state
     phase : float, mesh phase at the start, 0 <= phase < 1 (not used with a `final`, which has one)
     cycles : float, mesh cycles to run, > 0
-    method : 'rk4'
-    rtol : float, local error per step over the natural size of angles and velocities
     record : what is recorded, of 'events', 'cycles', 'grazes'; the rest costs nothing
     graze_distance : float, rad; a closest approach nearer than this is logged as a near-graze
         (default 1e-3 of the angle scale, with 'grazes')
-    chatter_tol, count_depth, max_events_per_cycle, max_steps_per_cycle : see `Numerics`
+    method, rtol, chatter_tol, count_depth, max_events_per_cycle, max_steps_per_cycle : see `Numerics`
 
     Returns
     -------
@@ -117,13 +115,13 @@ def simulate(osc, start="rest", phase=0.0, cycles=50, method="rk4", rtol=1e-10, 
     ValueError
         for a start that contradicts itself and for every refused argument.
     """
-    numerics = Numerics(rtol=rtol, chatter_tol=chatter_tol, count_depth=count_depth,
+    numerics = Numerics(method=method, rtol=rtol, chatter_tol=chatter_tol, count_depth=count_depth,
                         max_events_per_cycle=max_events_per_cycle,
                         max_steps_per_cycle=max_steps_per_cycle)
     if isinstance(start, HybridState) and start._blob is not None \
             and not _same(osc, start._oscillator):
         start, phase = (start.motion_state, start.phi, start.phi_dot), start.phase
-    _check_arguments(osc, start, phase, cycles, method, record)
+    _check_arguments(osc, start, phase, cycles, record)
     if graze_distance is None:
         graze_distance = 1e-3 * osc.angle_scale
     wanted = Wanted(events="events" in record, cycles="cycles" in record,
@@ -139,7 +137,7 @@ def simulate(osc, start="rest", phase=0.0, cycles=50, method="rk4", rtol=1e-10, 
     target = position(origin[1], before + cycles, osc.period)
     # A target inside a stretch is reported by a sample; one at a cycle's end is reached exactly.
     call.run(target, [target] if target[1] > 0 else [])
-    return _result(osc, call, origin, before + cycles, target, numerics, method)
+    return _result(osc, call, origin, before + cycles, target, numerics)
 
 
 def engine_start(osc, start):
@@ -192,9 +190,7 @@ def check_start(osc, start, phase):
         raise ValueError(f"start: phi = {phi:.6g} contradicts its motion state: {meant}")
 
 
-def _check_arguments(osc, start, phase, cycles, method, record):
-    if method != "rk4":
-        raise ValueError(f"method = {method!r}, 'rk4' is meant")
+def _check_arguments(osc, start, phase, cycles, record):
     unknown = [name for name in record if name not in RECORDS]
     if isinstance(record, str) or unknown:
         raise ValueError(f"record = {record!r}, a tuple of {', '.join(RECORDS)} is meant")
@@ -219,7 +215,7 @@ def _same(one, other):
         for name in ("knots", "coefficients", "kinks"))
 
 
-def _result(osc, call, origin, cycles, target, numerics, method):
+def _result(osc, call, origin, cycles, target, numerics):
     """What the engine recorded, and the state at the target."""
     phase0, period = origin[1], osc.period
     at = (call.cycle, call.t, call.motion_state, call.phi, call.phi_dot)
@@ -232,7 +228,7 @@ def _result(osc, call, origin, cycles, target, numerics, method):
         _oscillator=osc, _origin=origin, _cycles=cycles, _blob=call.blob)
     return Run(oscillator=osc, events=_event_dataset(call.log, phase0, period),
                cycles=_cycle_dataset(call.cycles), final=final, status=call.status,
-               work=call.work, method=method, _numerics=numerics)
+               work=call.work, method=engine.method_of(osc, numerics), _numerics=numerics)
 
 
 def _tau(cycle, t, phase0, period):
