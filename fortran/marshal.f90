@@ -9,7 +9,8 @@ module lapwing_marshal
       status_too_many_steps, status_step_too_small, status_not_finite, status_unfinished
   use lapwing_event_search, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
-  use lapwing_oscillator, only: oscillator_t, parameters_t, oscillator, start_at_rest, start_from
+  use lapwing_method, only: moved_by
+  use lapwing_oscillator, only: oscillator_t, parameters_t, start_at_rest, start_from
   use lapwing_polynomial, only: max_degree
   use lapwing_recorder, only: recorder_t, start_recording, log_columns, cycle_columns, &
       sample_columns
@@ -120,13 +121,16 @@ contains
     real(c_double), intent(inout), target, contiguous :: log(:, :)          !! (6, room)
     real(c_double), intent(inout), target, contiguous :: cycles(:, :)       !! (17, room)
     real(c_double), intent(out) :: done(8)                          !! how far it came
-    type(oscillator_t) :: system
+    class(oscillator_t), allocatable :: system
+    type(numerics_t) :: numerics
     type(hybrid_state_t) :: state
     type(recorder_t) :: recorder
     type(work_t) :: work
     real(wp) :: phi, phi_dot
     integer :: status
-    system = oscillator(parameters_from(reals, choices), knots, coefficients, kinks == 1)
+    numerics = numerics_from(reals, choices)
+    call moved_by(numerics%method, parameters_from(reals, choices), knots, coefficients, &
+        kinks == 1, series, system)
     recorder = recorder_from(reals, choices)
     if (start(1) > -1.5_wp) then
       state%instant = start_at_rest(system, start(4))
@@ -143,8 +147,8 @@ contains
       recorder%sample_time => sample_time
       recorder%samples => samples
     end if
-    call run_to(system, numerics_from(reals, choices), nint(target(1)), target(2), &
-        deadline_in(seconds), state, recorder, work, status)
+    call run_to(system, numerics, nint(target(1)), target(2), deadline_in(seconds), state, &
+        recorder, work, status)
     call pack_blob(state, recorder%sums, work, blob)
     call system%observe(state%instant, phi, phi_dot)
     done = [real([status, recorder%sums%n_log, recorder%sums%n_cycles, state%instant%cycle], wp), &
@@ -178,6 +182,7 @@ contains
     sweep%knots = knots
     sweep%coefficients = coefficients
     sweep%kinks = kinks == 1
+    sweep%series = series
     sweep%numerics = numerics_from(reals(:, 1), choices)
     sweep%recorder = recorder_from(reals(:, 1), choices)
     sweep%settle = choices(12)

@@ -7,8 +7,8 @@ module lapwing_polynomial
   use lapwing_kinds, only: wp
   implicit none
   private
-  public :: max_degree, horner, horner_slope, taylor_shift, bernstein, first_zero, critical_points
-  public :: lift_off, first_nonzero
+  public :: max_degree, horner, horner_slope, taylor_shift, bernstein, bernstein_on, first_zero
+  public :: first_descent, critical_points, lift_off, first_nonzero
 
   integer, parameter :: max_degree = 5
   !> Halvings before two roots closer than 2**-48 of the interval are treated as one.
@@ -67,6 +67,15 @@ contains
     end do
   end function bernstein
 
+  !> Bernstein coefficients on [0, length].
+  pure function bernstein_on(c, length) result(b)
+    real(wp), intent(in) :: c(0:max_degree)  !! coefficients
+    real(wp), intent(in) :: length           !! interval
+    real(wp) :: b(0:max_degree), scaled(0:max_degree)
+    call scale_to_unit(c, length, scaled)
+    b = bernstein(scaled)
+  end function bernstein_on
+
   !> Make a polynomial that leaves zero at the origin positive there: divide by x as often as the
   !> leading coefficient is not positive. `times` tells how often.
   pure subroutine lift_off(c, times)
@@ -97,6 +106,30 @@ contains
     call first_zero_on_unit(scaled, b, found, x)
     x = x*length
   end subroutine first_zero
+
+  !> First zero of a distance that may begin at zero.
+  !>
+  !> Where it does and the next move there is decided (`leaves`), or where it rises, the zero is
+  !> divided out; leading coefficients that contradict the decision are rounding and go with it.
+  !> A distance that begins at or, by rounding, below zero and falls is a crossing at once.
+  pure subroutine first_descent(c, length, leaves, found, at)
+    real(wp), intent(inout) :: c(0:max_degree)   !! coefficients, changed where they begin at zero
+    real(wp), intent(in) :: length               !! interval
+    logical, intent(in) :: leaves                !! whether it is known to rise from zero
+    logical, intent(out) :: found                !! whether there is a zero
+    real(wp), intent(out) :: at                  !! where
+    integer :: times
+    found = .false.
+    at = 0
+    if (length < 0) return
+    if (c(0) <= 0) then
+      found = .not. leaves .and. first_nonzero(c(1:)) < 0
+      if (found) return
+      call lift_off(c, times)
+      if (times > max_degree) return
+    end if
+    call first_zero(c, length, found, at)
+  end subroutine first_descent
 
   pure subroutine scale_to_unit(c, length, scaled)
     real(wp), intent(in) :: c(0:max_degree)        !! coefficients

@@ -8,7 +8,8 @@ module lapwing_sweep
   use lapwing_codes, only: status_ok, status_unfinished
   use lapwing_event_search, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
-  use lapwing_oscillator, only: oscillator_t, parameters_t, oscillator, start_at_rest, start_from
+  use lapwing_method, only: moved_by
+  use lapwing_oscillator, only: oscillator_t, parameters_t, start_at_rest, start_from
   use lapwing_recorder, only: recorder_t, start_recording
   use lapwing_run, only: run_to
   use lapwing_state_blob, only: pack_blob, unpack_blob, pack_work
@@ -26,6 +27,7 @@ module lapwing_sweep
     real(wp), allocatable :: knots(:)                              !! table, see `oscillator`
     real(wp), allocatable :: coefficients(:, :)                    !! table
     logical, allocatable :: kinks(:)                               !! table
+    real(wp), allocatable :: series(:, :)                          !! or series
     type(numerics_t) :: numerics                                   !! tolerances and bounds
     type(recorder_t) :: recorder                                   !! what is wanted of each point
     integer :: settle = 0                                          !! cycles before recording
@@ -71,14 +73,15 @@ contains
     type(line_t), intent(inout) :: line              !! the line
     real(wp), intent(inout) :: blob(:)               !! run under way
     integer(int64), intent(in) :: deadline           !! clock count at which to stop
-    type(oscillator_t) :: system
+    class(oscillator_t), allocatable :: system
     type(hybrid_state_t) :: state
     type(recorder_t) :: recorder
     type(work_t) :: work
     real(wp) :: final(3, 1)
     integer :: status
     do while (line%stage < stage_done)
-      system = oscillator(sweep%point(line%point), sweep%knots, sweep%coefficients, sweep%kinks)
+      call moved_by(sweep%numerics%method, sweep%point(line%point), sweep%knots, &
+          sweep%coefficients, sweep%kinks, sweep%series, system)
       recorder = sweep%recorder
       if (line%stage == stage_start) then
         call start_point(system, line, blob, state)
@@ -98,7 +101,7 @@ contains
 
   !> Where a point begins: the state the line carries, or rest.
   subroutine start_point(system, line, blob, state)
-    type(oscillator_t), intent(in) :: system         !! the point's oscillator
+    class(oscillator_t), intent(in) :: system        !! the point's oscillator
     type(line_t), intent(in) :: line                 !! the line
     real(wp), intent(in) :: blob(:)                  !! carried: -1 or motion state, phi, phi'
     type(hybrid_state_t), intent(out) :: state       !! state to begin with
@@ -116,7 +119,7 @@ contains
   !> run through the last settling cycle too, and its line is dropped.
   subroutine run_point(sweep, system, line, deadline, state, recorder, work, status, final)
     type(sweep_t), intent(in) :: sweep               !! the sweep
-    type(oscillator_t), intent(in) :: system         !! the point's oscillator
+    class(oscillator_t), intent(in) :: system        !! the point's oscillator
     type(line_t), intent(inout) :: line              !! the line
     integer(int64), intent(in) :: deadline           !! clock count at which to stop
     type(hybrid_state_t), intent(inout) :: state     !! state

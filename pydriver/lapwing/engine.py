@@ -23,7 +23,8 @@ LINE_DONE = 4  # sweep.f90, stage_done
     int(n) for n in api.sizes())
 
 WORK_NAMES = ("steps", "rejected_steps", "polish_steps", "drive_flank_searches",
-              "coast_flank_searches", "samples", "depth_searches", "graze_searches")
+              "coast_flank_searches", "samples", "depth_searches", "graze_searches",
+              "stretches")
 CYCLE_NAMES = ("cycle", "motion_state", "phi", "phi_dot", "impacts", "back_impacts",
                "counted_impacts", "counted_back_impacts", "releases", "back_releases", "engages",
                "back_engages", "chatter_ends", "back_chatter_ends", "deepest_separation",
