@@ -3,8 +3,8 @@
 module lapwing_automaton
   use lapwing_kinds, only: wp
   use lapwing_chatter, only: remaining_chatter
-  use lapwing_codes, only: separation, no_flank, drive_flank, event_kink, event_chatter_end, status_ok, &
-      status_too_many_events, status_too_many_steps, status_step_too_small, status_not_finite
+  use lapwing_codes, only: separation, no_flank, drive_flank, event_kink, event_chatter_end, &
+      status_ok, status_too_many_events, status_too_many_steps, status_step_too_small, status_not_finite
   use lapwing_contact_rules, only: strike, strike_resting, begin_contact, let_go, &
       pressing_sign, log_event
   use lapwing_event_search, only: crossing_t, find_crossing, polish_crossing, work_t
@@ -15,7 +15,7 @@ module lapwing_automaton
   use lapwing_system, only: system_t, frame_t, reached_t, max_states
   implicit none
   private
-  public :: advance
+  public :: advance, at_stop, check_bounds, pass_stop
 
 contains
 
@@ -141,11 +141,12 @@ contains
     real(wp), intent(in) :: z(max_states)           !! local coordinates at the beginning
     type(crossing_t) :: at
     real(wp) :: pressing(0:max_degree), s
+    logical :: answered
     integer :: flank
     flank = segment%motion_state
     at%frame = segment%frame
-    if (system%closed_form) call system%rigid_release(state%instant, at%frame%stop, at%found, s)
-    do while (.not. at%found)
+    call system%rigid_release(state%instant, at%frame%stop, answered, at%found, s)
+    do while (.not. answered)
       call system%pressing(at%frame, flank, at%frame%piece_begin, z, pressing)
       call first_descent(pressing, at%frame%piece_end - at%frame%piece_begin, .true., at%found, s)
       if (at%found) exit

@@ -112,8 +112,8 @@ contains
           self%piece(at) = i
         end do
       end do
-      self%edge(self%n + 1) = self%period
     end if
+    self%edge(self%n + 1) = self%period
     call make_look_up(self)
   end subroutine cut_panels
 

@@ -46,7 +46,7 @@ contains
     real(wp) :: begin, finish, x, v, c(0:max_degree), rest
     integer :: panel, first, pass
     first = locate_panel(scene%form, curve%t)
-    most = least
+    most = max(least, sign*curve%x)
     do pass = 1, 2
       panel = first
       begin = 0

@@ -16,12 +16,13 @@ module lapwing_exact_oscillator
   use lapwing_system, only: instant_t, frame_t, reached_t, max_states
   implicit none
   private
-  public :: exact_oscillator_t, exact_oscillator
+  public :: exact_oscillator_t, exact_oscillator, begin_curve, walls
 
   type, extends(oscillator_t) :: exact_oscillator_t
     type(scene_t) :: scene                !! table or series, and what is computed beforehand
     type(scene_t) :: push                 !! `rigid`, series: F - g'' as a motion of its own
     real(wp) :: g_low = 0                 !! lower bound of g
+    real(wp) :: slow = 0                  !! rebounds up to this speed might be below resolution
   contains
     procedure :: open_frame, flank_motion, stretch, inside, turn, deepest, rigid_release
   end type exact_oscillator_t
@@ -47,6 +48,7 @@ contains
     else
       self%g_low = lowest(self)
     end if
+    self%slow = 4*spacing(self%period)*(abs(self%force) + bend_bound(self, g, harmonic))
     self%scene%force = self%force
     self%scene%table = self%table
     self%scene%form = closed_form(self%table, g, harmonic, parameters%damping_ratio, self%period)
@@ -57,6 +59,28 @@ contains
           self%period)
     end if
   end function exact_oscillator
+
+  !> Bound of |g''|.
+  pure real(wp) function bend_bound(self, g, harmonic) result(bound)
+    class(exact_oscillator_t), intent(in) :: self
+    type(harmonic_series_t), intent(in) :: g     !! g as a series
+    logical, intent(in) :: harmonic              !! whether it is one
+    real(wp) :: width, bend
+    integer :: i, k
+    bound = 0
+    if (harmonic) then
+      bound = 2*bound_derivative(g, 2)
+      return
+    end if
+    do i = 1, self%table%n
+      width = self%table%knot(i + 1) - self%table%knot(i)
+      bend = 0
+      do k = max_degree, 2, -1
+        bend = bend*width + k*(k - 1)*abs(self%table%coefficient(k, i))
+      end do
+      bound = max(bound, bend)
+    end do
+  end function bend_bound
 
   !> Lower bound of g from the sizes of each piece's terms.
   pure real(wp) function lowest(self)
@@ -297,16 +321,21 @@ contains
 
   !> When a tooth in rigid contact would be pulled: F - g'' of a series falls to zero. It is the
   !> flight of a body without force over the flank -g'', seen from there.
-  pure subroutine rigid_release(self, instant, stop, found, s)
+  pure subroutine rigid_release(self, instant, stop, answered, found, s)
     class(exact_oscillator_t), intent(in) :: self
     type(instant_t), intent(in) :: instant       !! where the tooth is
     real(wp), intent(in) :: stop                 !! latest end
+    logical, intent(out) :: answered             !! whether g is a series
     logical, intent(out) :: found                !! whether it is
     real(wp), intent(out) :: s                   !! when
     type(curve_t) :: curve
     type(end_t) :: at
-    real(wp) :: g(0:3), x, v
+    real(wp) :: g(0:max_degree), x, v
     integer :: touching
+    answered = self%scene%form%harmonic
+    found = .false.
+    s = stop
+    if (.not. answered) return
     call flank_taylor(self%scene, .true., instant%t, 1, g)
     x = self%force - 2*g(2)
     v = -6*g(3)

@@ -37,7 +37,7 @@ contains
     real(wp), intent(in) :: stop               !! latest end
     type(end_t), intent(out) :: at             !! the end
     logical :: found
-    call expand_launch(scene, curve)
+    if (curve%near < 0) call expand_launch(scene, curve)
     if (touching /= no_flank) then
       call bounce(curve, wall, touching, stop, found, at)
       if (found) return
@@ -287,12 +287,13 @@ contains
     call curve_at(scene, curve, panel, at%s, at%x, at%v)
   end subroutine contact_end
 
-  !> Panel that holds t, or ends there.
+  !> Panel that holds t, or ends there as far as time can tell.
   pure integer function last_panel(scene, t) result(panel)
     type(scene_t), intent(in) :: scene         !! scene
     real(wp), intent(in) :: t                  !! time in the cycle
     panel = locate_panel(scene%form, t)
-    if (panel > 1 .and. t <= scene%form%edge(panel)) panel = panel - 1
+    if (panel == 1) return
+    if (t <= scene%form%edge(panel) + 2*spacing(scene%form%period)) panel = panel - 1
   end function last_panel
 
   !> Whether the free oscillation is too small to let the tooth off, now and for ever.

@@ -318,12 +318,14 @@ contains
   end function deepest
 
   !> When a tooth in rigid contact would be pulled, where the flank is no table.
-  pure subroutine rigid_release(self, instant, stop, found, s)
+  pure subroutine rigid_release(self, instant, stop, answered, found, s)
     class(system_t), intent(in) :: self
     type(instant_t), intent(in) :: instant       !! where the tooth is
     real(wp), intent(in) :: stop                 !! latest end
+    logical, intent(out) :: answered             !! whether the rest says anything
     logical, intent(out) :: found                !! whether it is
     real(wp), intent(out) :: s                   !! when
+    answered = .false.
     found = .false.
     s = stop
   end subroutine rigid_release

@@ -13,6 +13,7 @@ import numpy as np
 
 from lapwing._engine import api
 from lapwing.codes import ContactLaw, Gap, ImpactLaw, Method, Status
+from lapwing.linear_response import response_amplification
 
 CALL_SECONDS = 0.4
 LOG_ROOM = 1 << 16
@@ -37,6 +38,9 @@ NO_SAMPLE = np.array([[-1.0], [0.0]])
 # ... and this one for a transmission error that is no harmonic series.
 NO_SERIES = np.array([[-1.0], [0.0], [0.0]])
 METHODS = ("auto", "exact", "rk4")
+# Three of sixteen digits may be lost between response and free oscillation.
+MOST_AMPLIFIED = 1e3
+EXACT_CHATTER_TOL = 1e-13
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +54,8 @@ class Numerics:
     rtol : float, 1e-13 to 1e-2
         local error per step over the natural size of angles and velocities (docs/model.md)
     chatter_tol : float or None
-        error of the end of a complete chatter, in mesh periods; default min(rtol, 1e-10)
+        error of the end of a complete chatter, in mesh periods; default 1e-13, with rk4
+        min(rtol, 1e-10)
     count_depth : float, 0 to 1
         a counted impact ends a flight deeper than this part of its cycle's deepest separation
     max_events_per_cycle, max_steps_per_cycle : int
@@ -107,25 +112,46 @@ def _table_arguments(oscillators):
 
 
 def method_of(osc, numerics):
-    """'exact' or 'rk4': how an oscillator is moved under `numerics`."""
-    return "rk4" if numerics.method == "auto" else numerics.method
+    """'exact' or 'rk4': how an oscillator is moved under `numerics`.
+
+    The closed form of contact is a periodic response plus a free oscillation. Near an undamped
+    resonance both grow without bound and leave no digits in their sum; RK4 has no such trouble.
+
+    Raises
+    ------
+    ValueError
+        where 'exact' is asked for and the response is more than `MOST_AMPLIFIED` times its cause.
+    """
+    if numerics.method == "rk4":
+        return "rk4"
+    amplified = response_amplification(osc)
+    if amplified <= MOST_AMPLIFIED:
+        return "exact"
+    if numerics.method == "auto":
+        return "rk4"
+    raise ValueError(f"method = 'exact': so near to an undamped resonance (amplification "
+                     f"{amplified:.3g}) the closed form loses its digits; take 'rk4'")
 
 
 def _real_parameters(osc, numerics, wanted):
     chatter_tol = numerics.chatter_tol
     if chatter_tol is None:
         chatter_tol = min(numerics.rtol, 1e-10)
+        if method_of(osc, numerics) == "exact":
+            chatter_tol = EXACT_CHATTER_TOL
     low, high = osc.flank_extrema
     return [osc.force, osc.mesh_frequency_ratio, osc.flank_scale, high - low, osc.damping_ratio,
             osc.restitution, osc.backlash, numerics.rtol, chatter_tol, numerics.count_depth,
             wanted.graze_distance]
 
 
-def _choices(osc, numerics, wanted, settle=0, record=0):
+def _choices(oscillators, numerics, wanted, settle=0, record=0):
+    osc, methods = oscillators[0], {method_of(osc, numerics) for osc in oscillators}
+    method = "rk4" if "rk4" in methods else "exact"
     codes = (ContactLaw[osc.contact_law.upper()], ImpactLaw[osc.impact_law.upper()],
              Gap[osc.gap.upper()], osc.back_flank_te, numerics.max_events_per_cycle,
              numerics.max_steps_per_cycle, wanted.events, wanted.impacts, wanted.grazes,
-             wanted.strobe, wanted.cycles, settle, record, Method[method_of(osc, numerics).upper()])
+             wanted.strobe, wanted.cycles, settle, record, Method[method.upper()])
     return np.array([int(code) for code in codes], dtype=np.intc)
 
 
@@ -156,7 +182,7 @@ class TrajectoryCall:
     def __init__(self, osc, start, blob=None, cycle=0, *, numerics, wanted):
         self._fixed = (*_table_arguments([osc]),
                        np.array(_real_parameters(osc, numerics, wanted)),
-                       _choices(osc, numerics, wanted))
+                       _choices([osc], numerics, wanted))
         self._start = np.array(start, dtype=float)
         self.blob = np.zeros(BLOB_SIZE) if blob is None else blob.copy()
         self._wanted = wanted
@@ -254,7 +280,7 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
     log = np.full((LOG_COLUMNS, log_room if wanted.impacts else 1, n), np.nan, order="F")
     outcome = np.full((5 + WORK_SIZE, n), np.nan, order="F")
     outcome[0] = Status.UNFINISHED
-    choices = _choices(oscillators[0], numerics, wanted, settle, record)
+    choices = _choices(oscillators, numerics, wanted, settle, record)
     interrupted = False
     try:
         while np.any(table[4] < LINE_DONE):
