@@ -103,6 +103,19 @@ def test_a_crew_without_processes_says_so(file, tmp_path):
     assert "no process is left to draw it" in found.values()
 
 
+def test_a_script_needs_no_guard(file, tmp_path):
+    """The processes do not run it again."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from lapwing.plots import draw_all\nfrom lapwing.plots.crew import Crew\n"
+        "from lapwing.results import read_results\nprint('once')\n"
+        f"with read_results({str(file)!r}) as results, Crew(2) as crew:\n"
+        f"    draw_all(results, {str(tmp_path)!r}, formats=('png',), crew=crew)\n",
+        encoding="utf-8")
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("once\n", "")
+
+
 @pytest.mark.skipif(os.name != "posix", reason="sends a signal to a process group")
 @pytest.mark.parametrize("delay", [0.6, 2.5])
 def test_an_interruption_leaves_no_process_and_no_noise(file, tmp_path, delay):

@@ -5,7 +5,9 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import signal
+import sys
 from multiprocessing.connection import wait
+from types import ModuleType
 
 # More processes than this wait for each other at the disk, and take 100 MB each.
 MOST = 8
@@ -20,8 +22,7 @@ class Crew:
     """Drawing processes, begun as they are needed; what they need is loaded meanwhile.
 
     Each draws one figure at a time and waits for the next.  Ctrl-C is the caller's matter: they
-    end when it closes the crew, or is gone.  Use it in a `with` statement, and in a script under
-    `if __name__ == "__main__":`, for the processes may import the script.
+    end when it closes the crew, or is gone.  Use it in a `with` statement.
 
     Parameters
     ----------
@@ -98,7 +99,8 @@ class Crew:
         context = multiprocessing.get_context(self._method)
         ours, theirs = context.Pipe()
         process = context.Process(target=_draw_on_demand, args=(theirs,), daemon=True)
-        process.start()
+        with _main_hidden():
+            process.start()
         theirs.close()
         self._workers[ours] = process
 
@@ -108,6 +110,17 @@ class Crew:
         pipe.close()
         process.join(PATIENCE)
         return f"ended with code {process.exitcode}"
+
+
+@contextlib.contextmanager
+def _main_hidden():
+    """A process begun meanwhile does not run the caller's script, of which it needs nothing."""
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 @contextlib.contextmanager
