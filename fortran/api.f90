@@ -40,8 +40,8 @@ contains
 
   !> Go on with one trajectory until its target, a full log or the deadline.
   subroutine trajectory(n_pieces, knots, coefficients, kinks, n_series, series, n_reals, reals, &
-      n_choices, choices, start, target, seconds, n_blob, blob, n_samples, sample_time, samples, n_log, log, &
-      n_cycles, cycles, done)
+      n_choices, choices, start, target, seconds, n_blob, blob, n_samples, sample_time, samples, &
+      n_log, log, n_cycles, cycles, done)
     use lapwing_marshal, only: go_on_with_trajectory
     integer(c_int), intent(in) :: n_pieces                          !! table pieces
     real(c_double), intent(in) :: knots(n_pieces + 1)               !! mesh phase

@@ -4,7 +4,8 @@ module lapwing_automaton
   use lapwing_kinds, only: wp
   use lapwing_chatter, only: remaining_chatter
   use lapwing_codes, only: separation, no_flank, drive_flank, event_kink, event_chatter_end, &
-      status_ok, status_too_many_events, status_too_many_steps, status_step_too_small, status_not_finite
+      status_ok, status_too_many_events, status_too_many_steps, status_step_too_small, &
+      status_not_finite
   use lapwing_contact_rules, only: strike, strike_resting, begin_contact, let_go, &
       pressing_sign, log_event
   use lapwing_event_search, only: crossing_t, find_crossing, polish_crossing, work_t

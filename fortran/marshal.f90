@@ -4,7 +4,8 @@ module lapwing_marshal
   use lapwing_kinds, only: wp
   use lapwing_codes, only: separation, engagement, back_engagement, no_flank, drive_flank, &
       coast_flank, method_rk4, method_exact, law_restitution, law_compliant, law_rigid, &
-      law_relative, law_absolute, gap_one_sided, gap_symmetric, gap_one_flank, event_impact, event_release, event_engage, &
+      law_relative, law_absolute, gap_one_sided, gap_symmetric, gap_one_flank, event_impact, &
+      event_release, event_engage, &
       event_chatter_end, event_kink, event_near_graze, status_ok, status_too_many_events, &
       status_too_many_steps, status_step_too_small, status_not_finite, status_unfinished
   use lapwing_event_search, only: work_t
