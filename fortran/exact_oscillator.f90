@@ -22,8 +22,10 @@ module lapwing_exact_oscillator
     type(scene_t) :: scene                !! table or series, and what is computed beforehand
     type(scene_t) :: push                 !! `rigid`, series: F - g'' as a motion of its own
     real(wp) :: g_low = 0                 !! lower bound of g
+    real(wp) :: bend = 0                  !! bound of |g''|
     real(wp) :: slow = 0                  !! rebounds up to this speed might be below resolution
   contains
+    procedure :: change_force
     procedure :: open_frame, flank_motion, stretch, inside, turn, deepest, rigid_release
   end type exact_oscillator_t
 
@@ -48,7 +50,8 @@ contains
     else
       self%g_low = lowest(self)
     end if
-    self%slow = 4*spacing(self%period)*(abs(self%force) + bend_bound(self, g, harmonic))
+    self%bend = bend_bound(self, g, harmonic)
+    self%slow = 4*spacing(self%period)*(abs(self%force) + self%bend)
     self%scene%force = self%force
     self%scene%table = self%table
     self%scene%form = closed_form(self%table, g, harmonic, parameters%damping_ratio, self%period)
@@ -59,6 +62,15 @@ contains
           self%period)
     end if
   end function exact_oscillator
+
+  !> The same oscillator under another force.
+  pure subroutine change_force(self, parameters)
+    class(exact_oscillator_t), intent(inout) :: self
+    type(parameters_t), intent(in) :: parameters  !! dimensionless parameters
+    call self%oscillator_t%change_force(parameters)
+    self%scene%force = self%force
+    self%slow = 4*spacing(self%period)*(abs(self%force) + self%bend)
+  end subroutine change_force
 
   !> Bound of |g''|.
   pure real(wp) function bend_bound(self, g, harmonic) result(bound)

@@ -9,7 +9,8 @@ module lapwing_first_meeting
   use lapwing_kinds, only: wp
   use lapwing_closed_form, only: bound_order
   use lapwing_polynomial, only: max_degree, first_zero, first_nonzero, lift_off, horner_slope
-  use lapwing_smooth_curve, only: scene_t, curve_t, curve_at, curve_taylor, acceleration_at
+  use lapwing_smooth_curve, only: scene_t, curve_t, curve_at, curve_taylor, rest_after, &
+      acceleration_at
   implicit none
   private
   public :: target_t, first_meeting, first_turn, quick_return
@@ -28,6 +29,8 @@ module lapwing_first_meeting
   !> Searches of a stretch; never used up, for each either shrinks the time or moves on by it.
   integer, parameter :: max_searches = 10000
   integer, parameter :: max_newton = 12
+  !> Of a zero that is only a guess, over the time searched; it is found early rather than late.
+  real(wp), parameter :: rough = 1.0e-4_wp
 
 contains
 
@@ -64,17 +67,18 @@ contains
         width = shrink*width
         cycle
       end if
-      call first_zero(low, width, hit, y)
+      ! Not exact, it is the first guess of what is polished.
+      call first_zero(low, width, hit, y, merge(0.0_wp, rough, exact))
       if (.not. hit) then
         at = at + width
         if (at >= to) return
         width = width/shrink
-      else if (exact .or. (times == 0 .and. is_isolated(f, y, rest, width))) then
+      else if (exact .or. is_isolated(f, y, rest, times, width)) then
         found = .true.
         s = polished(scene, curve, panel, goal, at, at + y, to)
         return
       else
-        at = at + y
+        at = at + max(0.0_wp, y - rough*width)
         width = shrink*width
       end if
     end do
@@ -110,7 +114,12 @@ contains
     real(wp), intent(out) :: rest                  !! bound
     real(wp) :: c(0:max_degree)
     integer :: k
-    call curve_taylor(scene, curve, panel, at, c, rest)
+    if (at <= 0 .and. curve%near >= 0) then
+      c = curve%taylor(0:max_degree)
+      rest = rest_after(scene, curve, panel, at, curve%x, curve%v)
+    else
+      call curve_taylor(scene, curve, panel, at, c, rest)
+    end if
     if (goal%turn) then
       f = [(goal%sign*k*c(k), k = 1, max_degree), 0.0_wp]
       rest = bound_order*rest
@@ -147,23 +156,27 @@ contains
   end function size_of
 
   !> Whether the motion, within `rest` of the polynomial, has one zero just after y, where the
-  !> polynomial is `rest`: it falls there, and by 2*rest before its slope can have halved.
-  pure logical function is_isolated(f, y, rest, width)
+  !> polynomial is `rest` to `rough`: it falls there, and by 2*rest before its slope can have
+  !> halved. The slope of what the polynomial leaves out, r s**6, is at most 6 r s**5; after
+  !> `times` divisions by s, (6 + times) times itself over s.
+  pure logical function is_isolated(f, y, rest, times, width)
     real(wp), intent(in) :: f(0:max_degree)   !! coefficients
     real(wp), intent(in) :: y                 !! where the polynomial is `rest`
     real(wp), intent(in) :: rest              !! bound of what it leaves out
+    integer, intent(in) :: times              !! divisions by s that made it
     real(wp), intent(in) :: width             !! interval
     real(wp) :: slope, span, bend
     integer :: k
     slope = -horner_slope(f, y)
     is_isolated = .false.
     if (slope <= 0) return
-    span = 4*rest/slope
+    span = 4*rest/slope + 2*rough*width
     bend = 0
     do k = max_degree, 2, -1
       bend = bend*width + k*(k - 1)*abs(f(k))
     end do
-    is_isolated = bend*span + bound_order*rest/width <= 0.5_wp*slope .and. y + span <= width
+    is_isolated = bend*span + (bound_order + times)*rest/width <= 0.5_wp*slope &
+        .and. y + span <= width
   end function is_isolated
 
   !> A zero to the last bits: Newton's method on the motion itself, not before `least`.

@@ -17,7 +17,7 @@ module lapwing_marshal
       sample_columns
   use lapwing_run, only: run_to, deadline_in
   use lapwing_state_blob, only: blob_size, work_size, pack_blob, unpack_blob
-  use lapwing_sweep, only: sweep_t, line_t, sweep_lines
+  use lapwing_sweep, only: sweep_t, line_t, sweep_lines, prepare_sweep
   use lapwing_transmission_error, only: te_table_t, te_table, expand_at, locate_piece
   implicit none
   private
@@ -195,6 +195,7 @@ contains
       line(i) = line_t(lines(1, i), lines(2, i), lines(3, i) == 1, lines(4, i), lines(5, i), &
           starts(:, i))
     end do
+    call prepare_sweep(sweep)
     call sweep_lines(sweep, line, blobs, deadline_in(seconds), n_threads)
     do i = 1, size(line)
       lines(4:5, i) = [line(i)%point, line(i)%stage]

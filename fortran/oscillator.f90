@@ -11,7 +11,7 @@ module lapwing_oscillator
   use lapwing_polynomial, only: max_degree, horner, horner_slope, taylor_shift
   use lapwing_system, only: system_t, instant_t, frame_t, motion_t, step_t, max_states, &
       dense_degree, richardson, mean_rate
-  use lapwing_transmission_error, only: te_table_t, te_table, locate_piece, expand_at, &
+  use lapwing_transmission_error, only: te_table_t, te_table, find_jumps, locate_piece, expand_at, &
       flank_motion_at
   implicit none
   private
@@ -45,7 +45,7 @@ module lapwing_oscillator
     logical :: coast_moves = .true.       !! whether the coast flank moves with g
   contains
     procedure :: open_frame => open_table_frame
-    procedure :: flank_motion
+    procedure :: flank_motion, change_force
     procedure :: next_piece, derivatives, gap, contact, commit, pressing
     procedure :: rebound, sums_chatter, launch, pass_knot, scales, observe, stages
   end type oscillator_t
@@ -67,18 +67,33 @@ contains
       self%compliant = p%contact_law == law_compliant
       self%rigid = p%contact_law == law_rigid
       self%restitution = p%restitution
-      self%force = p%force
       self%damping = 2*p%damping_ratio
       self%width = merge(2*p%backlash, p%backlash, p%gap == gap_symmetric)
       self%absolute = p%impact_law == law_absolute
       self%coast_moves = p%back_flank_te
-      self%angle_scale = min(p%backlash, max(abs(p%force), p%peak_to_peak))
-      if (self%angle_scale <= 0) self%angle_scale = p%backlash
-      self%flight_velocity_scale = self%angle_scale*min(1.0_wp, p%mesh_frequency_ratio)
+      call set_force(self, p)
       self%table = te_table(knots, coefficients, kinks, p%flank_scale, self%period, &
           felt_jump(p, self%angle_scale))
     end associate
   end function oscillator
+
+  !> The force, and the scales that hang on it.
+  pure subroutine set_force(self, p)
+    class(oscillator_t), intent(inout) :: self
+    type(parameters_t), intent(in) :: p      !! dimensionless parameters
+    self%force = p%force
+    self%angle_scale = min(p%backlash, max(abs(p%force), p%peak_to_peak))
+    if (self%angle_scale <= 0) self%angle_scale = p%backlash
+    self%flight_velocity_scale = self%angle_scale*min(1.0_wp, p%mesh_frequency_ratio)
+  end subroutine set_force
+
+  !> The same oscillator under another force.
+  pure subroutine change_force(self, parameters)
+    class(oscillator_t), intent(inout) :: self
+    type(parameters_t), intent(in) :: parameters   !! dimensionless parameters
+    call set_force(self, parameters)
+    call find_jumps(self%table, felt_jump(parameters, self%angle_scale))
+  end subroutine change_force
 
   !> Smallest curvature jump of g that a step in contact may not cross.
   !>

@@ -90,12 +90,14 @@ contains
 
   !> First x in (0, length] where a polynomial that is positive at 0 is no longer positive.
   !> Right to the rounding of its terms, sum |c_k| length**k, which decides where roots meet.
-  pure subroutine first_zero(c, length, found, x)
+  !> To the last bits, or to `rough` of the interval.
+  pure subroutine first_zero(c, length, found, x, rough)
     real(wp), intent(in) :: c(0:max_degree)  !! coefficients, c(0) > 0
     real(wp), intent(in) :: length           !! interval
     logical, intent(out) :: found            !! whether there is one
     real(wp), intent(out) :: x               !! where
-    real(wp) :: scaled(0:max_degree), b(0:max_degree)
+    real(wp), intent(in), optional :: rough  !! error allowed, over the interval
+    real(wp) :: scaled(0:max_degree), b(0:max_degree), allowed
     call scale_to_unit(c, length, scaled)
     b = bernstein(scaled)
     found = .false.
@@ -103,7 +105,9 @@ contains
     if (minval(b) > 0) return
     ! Not a number: nothing to isolate; whoever moves the state sees it and says so.
     if (.not. abs(sum(b)) <= huge(x)) return
-    call first_zero_on_unit(scaled, b, found, x)
+    allowed = 0
+    if (present(rough)) allowed = rough
+    call first_zero_on_unit(scaled, b, allowed, found, x)
     x = x*length
   end subroutine first_zero
 
@@ -145,9 +149,10 @@ contains
   end subroutine scale_to_unit
 
   !> Leftmost sign change on [0, 1], by halving until one variation is left.
-  pure subroutine first_zero_on_unit(c, b_whole, found, x)
+  pure subroutine first_zero_on_unit(c, b_whole, allowed, found, x)
     real(wp), intent(in) :: c(0:max_degree)        !! coefficients
     real(wp), intent(in) :: b_whole(0:max_degree)  !! Bernstein coefficients on [0, 1]
+    real(wp), intent(in) :: allowed                !! error allowed
     logical, intent(out) :: found                  !! whether there is one
     real(wp), intent(out) :: x                     !! where
     real(wp) :: b(0:max_degree, 0:max_depth), lower(0:max_depth), width(0:max_depth)
@@ -171,7 +176,7 @@ contains
         top = top - 1
       else if (variations == 1 .and. b(max_degree, top) <= 0) then
         found = .true.
-        x = bracketed_root(c, lower(top), lower(top) + width(top))
+        x = bracketed_root(c, lower(top), lower(top) + width(top), allowed)
         return
       else if (top == max_depth) then
         ! A double root to the last bits: it counts where the polynomial does not stay positive.
@@ -224,9 +229,10 @@ contains
 
   !> The one root between lower, where the polynomial is positive, and upper: Newton kept in its
   !> bracket. A value that rounds to zero or below at lower puts the root there.
-  pure real(wp) function bracketed_root(c, lower, upper) result(x)
+  pure real(wp) function bracketed_root(c, lower, upper, allowed) result(x)
     real(wp), intent(in) :: c(0:max_degree)  !! coefficients
     real(wp), intent(in) :: lower, upper     !! bracket
+    real(wp), intent(in) :: allowed          !! error allowed
     real(wp) :: a, b, value, slope, step
     integer :: iteration
     a = lower
@@ -246,7 +252,7 @@ contains
         step = 0.5_wp*(a + b) - x
       end if
       x = x + step
-      if (abs(step) <= 2*epsilon(x)*abs(x) .or. value == 0) return
+      if (abs(step) <= max(2*epsilon(x)*abs(x), allowed) .or. value == 0) return
     end do
   end function bracketed_root
 

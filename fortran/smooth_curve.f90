@@ -13,7 +13,7 @@ module lapwing_smooth_curve
   use lapwing_transmission_error, only: te_table_t
   implicit none
   private
-  public :: curve_t, scene_t, launch, expand_launch, curve_at, curve_taylor, flank_taylor
+  public :: curve_t, scene_t, launch, expand_launch, curve_at, curve_taylor, flank_taylor, rest_after
   public :: acceleration_at, free_state
 
   !> A Taylor series of order `top_order` is exact to rounding where rate*s is below this: the first
@@ -37,7 +37,7 @@ module lapwing_smooth_curve
     real(wp) :: t = 0                     !! cycle time of s = 0
     real(wp) :: x = 0, v = 0              !! position and velocity there
     real(wp) :: near = -1                 !! the Taylor series holds up to this s
-    real(wp) :: taylor(0:top_order) = 0   !! of x about s = 0
+    real(wp) :: taylor(0:top_order)       !! of x about s = 0, once expanded
     real(wp) :: flank(2) = 0              !! g and g' at s = 0, in flight
     real(wp) :: free(2) = 0               !! d and d' at s = 0, in contact
   end type curve_t

@@ -15,7 +15,7 @@ module lapwing_sweep
   use lapwing_state_blob, only: pack_blob, unpack_blob, pack_work
   implicit none
   private
-  public :: sweep_t, line_t, sweep_lines
+  public :: sweep_t, line_t, sweep_lines, prepare_sweep
 
   ! Stages of the point under way, and of a line that is done. The last settling cycle has its own.
   integer, parameter :: stage_start = 0, stage_settle = 1, stage_prepare = 2, stage_record = 3
@@ -24,6 +24,8 @@ module lapwing_sweep
   !> What every point of a sweep has in common, and where results go.
   type :: sweep_t
     type(parameters_t), allocatable :: point(:)                    !! (n_points)
+    class(oscillator_t), allocatable :: first                      !! of the first point, where
+                                                                   !! the others differ in force
     real(wp), allocatable :: knots(:)                              !! table, see `oscillator`
     real(wp), allocatable :: coefficients(:, :)                    !! table
     logical, allocatable :: kinks(:)                               !! table
@@ -50,6 +52,17 @@ module lapwing_sweep
   end type line_t
 
 contains
+
+  !> What the points share is made once.
+  subroutine prepare_sweep(sweep)
+    type(sweep_t), intent(inout) :: sweep            !! the sweep, its points known
+    integer :: i
+    do i = 2, size(sweep%point)
+      if (.not. differ_in_force_only(sweep%point(1), sweep%point(i))) return
+    end do
+    call moved_by(sweep%numerics%method, sweep%point(1), sweep%knots, sweep%coefficients, &
+        sweep%kinks, sweep%series, sweep%first)
+  end subroutine prepare_sweep
 
   !> Go on with every line until it is done or the deadline has come.
   subroutine sweep_lines(sweep, lines, blobs, deadline, n_threads)
@@ -80,8 +93,7 @@ contains
     real(wp) :: final(3, 1)
     integer :: status
     do while (line%stage < stage_done)
-      call moved_by(sweep%numerics%method, sweep%point(line%point), sweep%knots, &
-          sweep%coefficients, sweep%kinks, sweep%series, system)
+      call make_system(sweep, sweep%point(line%point), system)
       recorder = sweep%recorder
       if (line%stage == stage_start) then
         call start_point(system, line, blob, state)
@@ -98,6 +110,31 @@ contains
       call finish_point(sweep, line, final(:, 1), recorder, work, status, blob)
     end do
   end subroutine go_on
+
+  !> The oscillator of a point: its own, or the first one under another force.
+  subroutine make_system(sweep, point, system)
+    type(sweep_t), intent(in) :: sweep                         !! the sweep
+    type(parameters_t), intent(in) :: point                    !! the point's parameters
+    class(oscillator_t), allocatable, intent(out) :: system    !! its oscillator
+    if (allocated(sweep%first)) then
+      allocate (system, source=sweep%first)
+      call system%change_force(point)
+    else
+      call moved_by(sweep%numerics%method, point, sweep%knots, sweep%coefficients, &
+          sweep%kinks, sweep%series, system)
+    end if
+  end subroutine make_system
+
+  !> Whether two points differ in nothing but their force.
+  pure logical function differ_in_force_only(one, other) result(same)
+    type(parameters_t), intent(in) :: one, other               !! parameters of two points
+    same = one%mesh_frequency_ratio == other%mesh_frequency_ratio &
+        .and. one%flank_scale == other%flank_scale &
+        .and. one%peak_to_peak == other%peak_to_peak &
+        .and. one%damping_ratio == other%damping_ratio &
+        .and. one%restitution == other%restitution &
+        .and. one%backlash == other%backlash .and. one%tolerance == other%tolerance
+  end function differ_in_force_only
 
   !> Where a point begins: the state the line carries, or rest.
   subroutine start_point(system, line, blob, state)

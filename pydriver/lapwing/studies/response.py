@@ -34,8 +34,8 @@ TIGHTEST_RTOL = 1e-13
 
 def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, record_cycles=100,
              samples_per_cycle=400, method="auto", rtol=1e-8, max_period=MAX_PERIOD,
-             count_depth=0.01, chatter_tol=None, max_events_per_cycle=1_000_000, max_steps_per_cycle=10_000_000,
-             order=0, brake_torque=None, claim_impacts_per_cycle=None,
+             count_depth=0.01, chatter_tol=None, max_events_per_cycle=1_000_000,
+             max_steps_per_cycle=10_000_000, order=0, brake_torque=None, claim_impacts_per_cycle=None,
              claim_deepest_separation=None, claim_text=None):
     """Settle, record, and estimate the error of every number by a second run.
 
@@ -96,7 +96,8 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
         "name": name, "order": order,
         "brake_torque": osc.force / pair.force_per_torque if brake_torque is None else brake_torque,
         "mesh_period_s": osc.period / pair.natural_frequency,
-        "method": engine.method_of(osc, numerics), "rtol": rtol, "rtol_reference": other, "start_phase": phase,
+        "method": engine.method_of(osc, numerics), "rtol": rtol,
+        "rtol_reference": other, "start_phase": phase,
         "start": start if isinstance(start, str) else " ".join(map(str, start)),
         "settle_cycles": settle_cycles, "record_cycles": record_cycles,
         "first_cycle": span[0], "samples_per_cycle": samples_per_cycle,

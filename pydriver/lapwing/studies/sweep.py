@@ -82,7 +82,7 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
         keep_interrupted=keep_interrupted)
     return _dataset(result, oscillators, parameter, values, starts, wanted, phase,
                     {"settle": settle, "record": record, "rtol": rtol,
-                     "method": engine.method_of(oscillators[0], numerics),
+                     "method": engine.common_method(oscillators, numerics),
                      "count_depth": count_depth, "interrupted": int(result.interrupted)})
 
 
