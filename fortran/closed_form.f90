@@ -35,6 +35,7 @@ module lapwing_closed_form
     real(wp) :: fastest = 1                        !! rate that bounds a Taylor series' reach
     real(wp) :: period = 1                         !! mesh period
     real(wp) :: q_low = 0, q_high = 0              !! bounds of q
+    real(wp) :: g_low = 0, g_high = 0              !! bounds of g, with a series
     ! Panels: n of them, on each the quantities about its beginning.
     integer :: n = 0
     real(wp), allocatable :: edge(:)               !! (n + 1) limits, tau
@@ -169,6 +170,8 @@ contains
     end do
     self%particular = 0
     self%free_begin = 0
+    self%g_low = minval(minval(self%g_bernstein, 1) - self%g_rest)
+    self%g_high = maxval(maxval(self%g_bernstein, 1) + self%g_rest)
   end subroutine sample_series
 
   pure subroutine allocate_response(self)

@@ -63,7 +63,7 @@ contains
     speed = merge(-curve%v, curve%v, touching == drive_flank)
     if (.not. speed > 0) return
     most = min(curve%near, stop, (wall(1) - wall(2))/speed)
-    n = merge(max_degree, ubound(curve%taylor, 1), curve%exact_series)
+    n = curve%degree
     if (touching == drive_flank) then
       call quick_return(curve%taylor(2:n), speed, most, found, s)
     else
@@ -89,22 +89,22 @@ contains
     integer, intent(in) :: touching            !! flank at zero distance, left at s = 0
     real(wp), intent(in) :: stop               !! latest end
     type(end_t), intent(out) :: at             !! the end
-    real(wp) :: c(0:max_degree), begin, length, s
+    real(wp) :: c(0:max_degree), begin, to, s
     integer :: piece, left
     c = curve%taylor(0:max_degree)
     piece = curve%piece
     begin = 0
     left = touching
     do
-      length = stop - begin
-      if (curve%moving) length = min(scene%table%knot(piece + 1) - curve%t, stop) - begin
-      call meet_walls(c, length, wall, left, at%flank, s)
+      to = stop
+      if (curve%moving) to = min(scene%table%knot(piece + 1) - curve%t, stop)
+      call meet_walls(c, to - begin, wall, left, at%flank, s)
       at%s = begin + s
       at%x = horner(c, s)
       at%v = horner_slope(c, s)
-      if (at%flank /= no_flank .or. begin + length >= stop) exit
+      if (at%flank /= no_flank .or. to >= stop) exit
       left = no_flank
-      begin = begin + length
+      begin = to
       piece = piece + 1
       c = -scene%table%coefficient(:, piece)
       c(0) = at%x
@@ -160,19 +160,25 @@ contains
     integer, intent(in) :: touching            !! flank at zero distance, left at s = 0
     real(wp), intent(in) :: stop               !! latest end
     type(end_t), intent(out) :: at             !! the end
-    real(wp) :: from, to, theta, rate, b(0:max_degree), width
+    real(wp) :: from, to, theta, rate, b(0:max_degree), width, next_theta, lowest
     integer :: panel
     associate (form => scene%form)
       panel = locate_panel(form, curve%t)
       from = 0
+      theta = curve%x + curve%flank(1)
+      rate = curve%v + curve%flank(2)
+      lowest = least_theta(theta, rate, scene%force)
       do
         to = min(form%edge(panel + 1) - curve%t, stop)
-        if (from > 0) then
+        next_theta = (curve%x + curve%flank(1)) + (rate + 0.5_wp*scene%force*to)*to
+        if (from > 0 .and. scene%force > 0 .and. lowest > form%g_high + wall(2) &
+            .and. max(theta, next_theta) < form%g_low + wall(1)) then
+          ! A parabola that opens upwards lies below its chord, and this one above all coast flanks.
+          continue
+        else if (from > 0) then
           width = form%edge(panel + 1) - form%edge(panel)
-          theta = curve%x + curve%flank(1) + (curve%v + curve%flank(2))*from &
-              + 0.5_wp*scene%force*from**2
-          rate = (curve%v + curve%flank(2)) + scene%force*from
-          b = parabola(theta, rate, scene%force, width) - form%g_bernstein(:, panel)
+          b = parabola(theta, rate + scene%force*from, scene%force, width) &
+              - form%g_bernstein(:, panel)
           call look_closely(scene, curve, panel, wall, no_flank, from, to, &
               [maxval(b) + form%g_rest(panel) < wall(1), &
               minval(b) - form%g_rest(panel) > wall(2)], at)
@@ -182,6 +188,7 @@ contains
         end if
         if (at%flank /= no_flank) return
         if (to >= stop) exit
+        theta = next_theta
         from = to
         panel = panel + 1
       end do
@@ -189,6 +196,15 @@ contains
       at%s = stop
     end associate
   end subroutine flight_over_series
+
+  !> Least value of theta + rate*s + force*s**2/2 over s >= 0, or less.
+  pure real(wp) function least_theta(theta, rate, force)
+    real(wp), intent(in) :: theta, rate, force   !! position, velocity, acceleration
+    least_theta = theta
+    if (rate >= 0) return
+    least_theta = least_width
+    if (force > 0) least_theta = theta - 0.5_wp*rate**2/force
+  end function least_theta
 
   !> Bernstein coefficients of degree five of a parabola on [0, width].
   pure function parabola(x, v, a, width) result(b)

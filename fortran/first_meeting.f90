@@ -186,10 +186,11 @@ contains
     integer, intent(in) :: panel               !! panel
     type(target_t), intent(in) :: goal         !! what is looked for
     real(wp), intent(in) :: least, guess, most !! bracket and guess
-    real(wp) :: x, v, f, slope, step, last
+    real(wp) :: x, v, f, slope, step, last, bound
     integer :: i
     s = guess
     last = most - least
+    bound = last
     do i = 1, max_newton
       call curve_at(scene, curve, panel, s, x, v)
       if (goal%turn) then
@@ -201,10 +202,13 @@ contains
       end if
       if (slope >= 0) return
       step = -f/slope
-      if (abs(step) > last .or. s + step < least .or. s + step > most) return
+      if (abs(step) > bound .or. s + step < least .or. s + step > most) return
       s = s + step
       if (abs(step) <= 2*epsilon(s)*s) return
-      last = 0.5_wp*abs(step)
+      ! Steps fall as their squares: the next one would be about this.
+      if (i > 1 .and. abs(step)*(step/last)**2 <= epsilon(s)*s) return
+      last = step
+      bound = 0.5_wp*abs(step)
     end do
   end function polished
 
@@ -239,6 +243,7 @@ contains
     found = .true.
     s = speed/p(0)
     if (n == 0) return
+    s = s*(1 - p(1)*s/p(0))
     do i = 1, max_newton
       value = p(n)
       slope = (n + 1)*p(n)
@@ -248,7 +253,9 @@ contains
       end do
       step = (speed - s*value)/slope
       s = s + step
-      if (abs(step) <= 2*epsilon(s)*s) return
+      ! Convex or concave by p(0)/(4 most) at most, rising by 3/4 p(0): the error left is below
+      ! step**2/(3 most).
+      if (step**2 <= epsilon(s)*s*most) return
     end do
   end subroutine quick_return
 end module lapwing_first_meeting

@@ -32,7 +32,7 @@ module lapwing_smooth_curve
   type :: curve_t
     logical :: contact = .false.          !! in contact, or in flight
     logical :: moving = .true.            !! whether the flank moves with g
-    logical :: exact_series = .false.     !! its series ends with the table's degree
+    integer :: degree = top_order         !! of its series: less where that ends, as a table does
     integer :: piece = 1                  !! table piece of the beginning
     real(wp) :: t = 0                     !! cycle time of s = 0
     real(wp) :: x = 0, v = 0              !! position and velocity there
@@ -103,11 +103,13 @@ contains
     type(scene_t), intent(in) :: scene         !! scene
     type(curve_t), intent(inout) :: curve      !! its series is set
     real(wp) :: g(0:top_order)
-    call flank_taylor(scene, curve%moving, curve%t, curve%piece, g)
-    curve%flank = g(0:1)
-    call motion_taylor(scene, curve%contact, curve%x, curve%v, g, curve%taylor)
-    curve%exact_series = .not. (curve%contact .or. scene%form%harmonic)
-    if (.not. curve%exact_series) then
+    if (.not. (curve%contact .or. scene%form%harmonic)) curve%degree = max_degree
+    associate (n => curve%degree)
+      call flank_taylor(scene, curve%moving, curve%t, curve%piece, g(0:n))
+      curve%flank = g(0:1)
+      call motion_taylor(scene, curve%contact, curve%x, curve%v, g(0:n), curve%taylor(0:n))
+    end associate
+    if (curve%degree == top_order) then
       curve%near = reach/scene%form%fastest
       if (.not. scene%form%harmonic) curve%near = min(curve%near, to_knot(scene, curve))
     else
@@ -170,8 +172,8 @@ contains
     real(wp), intent(out) :: x, v              !! position and velocity
     real(wp) :: g, slope
     if (s <= curve%near) then
-      x = horner(curve%taylor, s)
-      v = horner_slope(curve%taylor, s)
+      x = horner(curve%taylor(0:curve%degree), s)
+      v = horner_slope(curve%taylor(0:curve%degree), s)
     else if (curve%contact) then
       call contact_at(scene, curve, panel, s, x, v)
     else

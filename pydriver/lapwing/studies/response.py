@@ -35,8 +35,8 @@ TIGHTEST_RTOL = 1e-13
 def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, record_cycles=100,
              samples_per_cycle=400, method="auto", rtol=1e-8, max_period=MAX_PERIOD,
              count_depth=0.01, chatter_tol=None, max_events_per_cycle=1_000_000,
-             max_steps_per_cycle=10_000_000, order=0, brake_torque=None, claim_impacts_per_cycle=None,
-             claim_deepest_separation=None, claim_text=None):
+             max_steps_per_cycle=10_000_000, order=0, brake_torque=None,
+             claim_impacts_per_cycle=None, claim_deepest_separation=None, claim_text=None):
     """Settle, record, and estimate the error of every number by a second run.
 
     1. Follow the motion over the cycles to settle, recording nothing; whole cycles are recorded,

@@ -31,8 +31,9 @@ PARAMETER_UNITS = {"brake_torque": "N m", "drive_torque": "N m", "pinion_speed_r
 
 def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=400, record=100,
           observe=("cycles",), phase=0.0, method="auto", rtol=1e-6, chatter_tol=None,
-          count_depth=0.01, max_impacts=2000, max_events_per_cycle=1_000_000, max_steps_per_cycle=10_000_000,
-          threads=None, progress=None, keep_interrupted=False, **operation):
+          count_depth=0.01, max_impacts=2000, max_events_per_cycle=1_000_000,
+          max_steps_per_cycle=10_000_000, threads=None, progress=None, keep_interrupted=False,
+          **operation):
     """Run a range of values of one parameter.
 
     Parameters
