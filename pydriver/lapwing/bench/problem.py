@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -19,7 +20,7 @@ class Arc:
 
     Parameters
     ----------
-    begin, end : float, τ since the cycle's beginning; an arc may reach across its end
+    begin, end : float, τ; in `Problem.arcs` of the first cycle, before which an arc may begin
     slope, curvature : float, g' (rad per τ) at `begin` and g'' (rad per τ²)
     jump : float, jump of g' at `begin`
     """
@@ -61,17 +62,18 @@ class Problem:
     amplitude: float
     arcs: tuple
 
+    @lru_cache(maxsize=8)  # noqa: B019 - a handful of small tuples
     def arc_list(self, cycles):
         """(τ at the end, arc) of every arc from τ = 0 to the end of the last cycle."""
         end = cycles * self.period
         if not self.arcs:
-            return [(end, Arc(0.0, end, 0.0, 0.0, 0.0))]
+            return ((end, Arc(0.0, end, 0.0, 0.0, 0.0)),)
         found = []
         for cycle in range(cycles + 1):
-            for arc in self.arcs:
-                if cycle * self.period + arc.begin < end:
-                    found.append((min(cycle * self.period + arc.end, end), arc))
-        return found
+            before = cycle * self.period
+            found += [replace(arc, begin=before + arc.begin, end=before + arc.end)
+                      for arc in self.arcs if before + arc.begin < end]
+        return tuple((min(arc.end, end), arc) for arc in found)
 
     def stretches(self, begin, end):
         """(begin, end, arc) of every smooth stretch between two times."""
@@ -103,9 +105,7 @@ class Problem:
         """g' at τ."""
         if not self.arcs:
             return -self.amplitude * self.omega * np.sin(self.omega * tau)
-        since = (tau - arc.begin) % self.period
-        # An event at the arc's very beginning may lie a rounding before it.
-        return arc.slope + arc.curvature * (since if since < 0.999 * self.period else 0.0)
+        return arc.slope + arc.curvature * (tau - arc.begin)
 
 
 def problem(osc):

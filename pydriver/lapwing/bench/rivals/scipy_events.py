@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from lapwing.bench.rivals.hybrid import COAST, DRIVE, SEPARATION, follow
 
@@ -18,6 +17,8 @@ def follower(scene, tolerance, method):
 
 
 def _follow(method, tolerance, problem, cycles):
+    from scipy.integrate import solve_ivp
+
     atol = tolerance * np.array([problem.angle, problem.speed])
     shift = {SEPARATION: 0.0, DRIVE: 0.0, COAST: problem.backlash}
 
