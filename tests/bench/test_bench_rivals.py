@@ -24,7 +24,7 @@ def test_a_rival_is_right(rival, name, index):
     scene = SCENES[name]
     reference = load(name, variant(scene, rule=True, table=False))[scene.torques[index]]
     given = problem(scene.oscillators[index])
-    outcome = rival.follower(scene, TIGHT[rival.name])(given, SHORT)
+    outcome = rival.follower(scene, TIGHT[rival.name])(given, SHORT).outcome()
     found = judge(outcome, reference, given, SHORT, TIGHT[rival.name])
     assert outcome.failure == ""
     assert found.compared == np.count_nonzero(
@@ -38,7 +38,7 @@ def test_scipy_converges():
     reference, given = load("S3b", "series_rule")[scene.torques[0]], problem(scene.oscillators[0])
     rival = next(rival for rival in RIVALS if rival.name == "SciPy DOP853")
     for tolerance in (1e-5, 1e-8, 1e-11):
-        outcome = rival.follower(scene, tolerance)(given, SHORT)
+        outcome = rival.follower(scene, tolerance)(given, SHORT).outcome()
         errors.append(judge(outcome, reference, given, SHORT, tolerance).event_error)
     assert errors[2] < errors[1] / 10 < errors[0] / 100
 

@@ -1,5 +1,7 @@
 """The scenes are what they are said to be, and the rivals are given the same motion."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -64,7 +66,7 @@ def test_arcs_follow_each_other_without_gap(name):
     assert stretches[0][0] == 0 and stretches[-1][1] == pytest.approx(3 * given.period, rel=EPS)
     ends = [stop for _, stop, _ in stretches]
     assert ends[:-1] == [begin for begin, _, _ in stretches[1:]]
-    for (_, stop, arc), (begin, _, after) in zip(stretches, stretches[1:], strict=False):
+    for (_, stop, arc), (begin, _, after) in pairwise(stretches):
         # The slope at the end of an arc, and what the jump makes of it.
         reached = given.slope(arc, stop * (1 - 4 * EPS)) + after.jump
         assert reached == pytest.approx(after.slope, rel=0, abs=1e-9 * given.largest_pull

@@ -18,16 +18,8 @@ from pathlib import Path
 
 import gmpy2
 import numpy as np
-from bench_flow import (
-    CHATTER_END,
-    DIGITS,
-    IMPACT,
-    Follower,
-    Series,
-    Setup,
-    table_pieces,
-    working_precision,
-)
+from bench_flank import Series, table_pieces
+from bench_flow import CHATTER_END, DIGITS, IMPACT, Follower, Setup, working_precision
 from gmpy2 import mpfr
 
 from lapwing.bench.reference import write_reference
@@ -101,7 +93,8 @@ def state_growth(osc, one, other):
     if one[0] != other[0]:
         return np.inf
     speed = min(1.0, osc.mesh_frequency_ratio) * osc.angle_scale
-    moved = max(abs(one[1] - other[1]) / mpfr(osc.angle_scale), abs(one[2] - other[2]) / mpfr(speed))
+    moved = max(abs(one[1] - other[1]) / mpfr(osc.angle_scale),
+                abs(one[2] - other[2]) / mpfr(speed))
     return float(moved / mpfr(CHANGE))
 
 

@@ -1,4 +1,4 @@
-"""This engine as the benchmark runs it: many torques in one call, every event logged."""
+"""The engine as the benchmark runs it: many torques in one call, every event logged."""
 
 from __future__ import annotations
 

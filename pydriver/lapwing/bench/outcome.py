@@ -27,7 +27,25 @@ class Outcome:
     failure: str = ""
 
 
-def from_rows(rows, period, state, failure=""):
-    """Outcome of rows (kind, τ, φ' after)."""
-    table = np.array(rows, dtype=float).reshape(-1, 3)
-    return Outcome(table[:, 0].astype(int), table[:, 1] / period, table[:, 2], state, failure)
+@dataclass(frozen=True)
+class Record:
+    """What a rival leaves behind when its clock stops: nothing is put in order yet.
+
+    Attributes
+    ----------
+    rows : sequence of (kind, τ, φ' after)
+    period : float, mesh period in τ
+    state : (motion state, φ, φ') at the end
+    failure : str, see `Outcome`
+    """
+
+    rows: object
+    period: float
+    state: tuple
+    failure: str = ""
+
+    def outcome(self):
+        """The `Outcome`."""
+        table = np.array(self.rows, dtype=float).reshape(-1, 3)
+        return Outcome(table[:, 0].astype(int), table[:, 1] / self.period, table[:, 2],
+                       self.state, self.failure)

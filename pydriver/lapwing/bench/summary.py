@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -102,7 +103,7 @@ def cost_at(dataset, method, level):
         return np.nan
     # The cheapest that is at least so accurate is a fair offer too.
     offers = [cost for error, cost in points if error <= level]
-    for (e0, c0), (e1, c1) in zip(points, points[1:], strict=False):
+    for (e0, c0), (e1, c1) in pairwise(points):
         if 0 < e0 <= level < e1:
             part = np.log(level / e0) / np.log(e1 / e0)
             offers.append(float(np.exp((1 - part) * np.log(c0) + part * np.log(c1))))

@@ -28,8 +28,8 @@ def draw(panels):
     Parameters
     ----------
     panels : sequence of (title, curves, error label); curves: dict of method name -> (errors,
-        costs in µs per mesh cycle, events missed or doubled), in any order; what is not finite
-        is left out
+        costs in µs per mesh cycle, events missed or doubled), from loose to tight; what is not
+        finite is left out
 
     Returns
     -------
@@ -55,16 +55,15 @@ def _panel(axis, title, curves, label):
         good = np.isfinite(errors) & np.isfinite(costs) & (errors > 0)
         if not good.any():
             continue
-        order = np.argsort(errors[good])
-        errors, costs, wrong = (values[good][order] for values in (errors, costs, wrong))
+        errors, costs, wrong = (values[good] for values in (errors, costs, wrong))
         colour, marker, line, width = STYLES.get(name, OTHER)
         size = 11 if marker == "*" else 5
         axis.plot(errors, costs, color=colour, linestyle=line, linewidth=width)
-        axis.plot(errors[wrong == 0], costs[wrong == 0], color=colour, marker=marker, markersize=size,
-                  linestyle="", markeredgecolor="white", markeredgewidth=0.4)
-        axis.plot(errors[wrong > 0], costs[wrong > 0], color=colour, marker=marker, markersize=size,
-                  linestyle="", markerfacecolor="white", markeredgewidth=1.2)
-        ends.append((name, errors[-1], costs[-1], colour))
+        for which, look in ((wrong == 0, {"markeredgecolor": "white", "markeredgewidth": 0.4}),
+                            (wrong > 0, {"markerfacecolor": "white", "markeredgewidth": 1.2})):
+            axis.plot(errors[which], costs[which], color=colour, marker=marker, markersize=size,
+                      linestyle="", **look)
+        ends.append((name, errors[0], costs[0], colour))
     axis.set_xscale("log")
     axis.set_yscale("log")
     bottom, top = axis.get_ylim()

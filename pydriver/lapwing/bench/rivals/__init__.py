@@ -1,7 +1,7 @@
 """What a user would pick instead, each as a skilled user would write it.
 
 Every rival is a module with a function `follower(scene, tolerance)`; it returns a callable
-`follow(problem, cycles)` that gives an `Outcome`, with everything prepared that does not depend
+`follow(problem, cycles)` that gives a `Record`, with everything prepared that does not depend
 on the torque. Modules import their package at the top, so they are imported by name, on demand.
 """
 

@@ -15,7 +15,7 @@ from functools import partial
 import heyoka as hy
 import numpy as np
 
-from lapwing.bench.outcome import from_rows
+from lapwing.bench.outcome import Record
 from lapwing.bench.problem import problem as problem_of
 from lapwing.bench.rivals.hybrid import COAST, DRIVE, MAX_EVENTS, SEPARATION, back, resolve
 from lapwing.codes import EventKind
@@ -122,7 +122,7 @@ def _follow(integrators, flight, problem, cycles):
             if outcome == hy.taylor_outcome.time_limit:
                 break
             if int(outcome) < -3 or len(rows) >= MAX_EVENTS:
-                return from_rows(rows, problem.period, (state, size * phi, size * phi_dot),
+                return Record(rows, problem.period, (state, size * phi, size * phi_dot),
                                  f"heyoka: {outcome}")
             if state != SEPARATION:
                 rows.append((back(EventKind.RELEASE, state), tau, size * phi_dot))
@@ -134,4 +134,4 @@ def _follow(integrators, flight, problem, cycles):
                 phi, phi_dot = settled(flight, state, tau, move)
                 tau += move
         tau = end
-    return from_rows(rows, problem.period, (state, size * phi, size * phi_dot))
+    return Record(rows, problem.period, (state, size * phi, size * phi_dot))

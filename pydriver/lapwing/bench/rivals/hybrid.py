@@ -7,7 +7,7 @@ touched (0: none).
 
 from __future__ import annotations
 
-from lapwing.bench.outcome import from_rows
+from lapwing.bench.outcome import Record
 from lapwing.codes import EventKind
 
 SEPARATION, DRIVE, COAST = 0, 1, 2
@@ -49,7 +49,7 @@ def first_step(problem, arc, tau, phi_dot):
 
 
 def follow(problem, cycles, advance):
-    """Run from rest at phase 0; an Outcome."""
+    """Run from rest at phase 0; a Record."""
     state, phi, phi_dot, tau = DRIVE, problem.force, 0.0, 0.0
     rows, step, first = [], None, True
     for end, arc in problem.arc_list(cycles):
@@ -60,7 +60,7 @@ def follow(problem, cycles, advance):
             try:
                 tau, phi, phi_dot, flank = advance(state, arc, tau, end, phi, phi_dot, step)
             except (RuntimeError, ValueError) as error:
-                return from_rows(rows, problem.period, (state, phi, phi_dot), str(error))
+                return Record(rows, problem.period, (state, phi, phi_dot), str(error))
             step = None
             if not flank:
                 break
@@ -73,6 +73,6 @@ def follow(problem, cycles, advance):
             if state == SEPARATION:
                 step = first_step(problem, arc, tau, phi_dot)
             if len(rows) > MAX_EVENTS:
-                return from_rows(rows, problem.period, (state, phi, phi_dot), "too many events")
+                return Record(rows, problem.period, (state, phi, phi_dot), "too many events")
         tau = end
-    return from_rows(rows, problem.period, (state, phi, phi_dot))
+    return Record(rows, problem.period, (state, phi, phi_dot))

@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 from numba import njit
 
-from lapwing.bench.outcome import from_rows
+from lapwing.bench.outcome import Record
 from lapwing.codes import EventKind
 
 SEPARATION, DRIVE, COAST = 0, 1, 2
@@ -30,21 +30,20 @@ D1, D3, D4, D5, D6, D7 = (
 
 def follower(scene, tolerance):
     """See the package's docstring."""
-    return partial(_follow, tolerance)
+    return partial(_follow, tolerance, np.empty((MAX_EVENTS, 3)))
 
 
-def _follow(tolerance, problem, cycles):
+def _follow(tolerance, rows, problem, cycles):
     parameters = np.array([
         problem.force, problem.omega, problem.period, problem.xi, problem.restitution,
         problem.backlash, problem.sticking, problem.amplitude * problem.omega**2])
     laws = np.array([problem.compliant, problem.absolute, len(problem.arcs) > 0])
     arcs = np.array([[arc.begin, arc.end, arc.slope, arc.curvature, arc.jump]
                      for arc in problem.arcs] or [[0.0, problem.period * cycles, 0.0, 0.0, 0.0]])
-    rows = np.empty((MAX_EVENTS, 3))
     n, failure, state, phi, phi_dot = run(
         parameters, laws, arcs, cycles, tolerance, tolerance * problem.angle,
         tolerance * problem.speed, problem.amplitude, rows)
-    return from_rows(rows[:n], problem.period, (state, phi, phi_dot), FAILURES[failure])
+    return Record(rows[:n].copy(), problem.period, (state, phi, phi_dot), FAILURES[failure])
 
 
 @njit(inline="always")
@@ -92,11 +91,13 @@ def step_once(p, state, piecewise, curvature, tau, h, x, v, a1):
 
 @njit(inline="always")
 def dense_position(x, d, s):
+    """φ at a fraction of the step."""
     return x + s * (d[0] + (1 - s) * (d[1] + s * (d[2] + (1 - s) * d[3])))
 
 
 @njit(inline="always")
 def dense_velocity(v, d, s):
+    """φ' at a fraction of the step."""
     return v + s * (d[4] + (1 - s) * (d[5] + s * (d[6] + (1 - s) * d[7])))
 
 
@@ -142,6 +143,28 @@ def touched(state, x0, x1, backlash):
 
 
 @njit
+def resolve(p, compliant, absolute, state, flank, tau, v, load, slope, rows, n):
+    """What an event does: motion state, φ' and the number of rows after it."""
+    side, code = (1.0, 0) if flank == DRIVE else (-1.0, 1)
+    if state != SEPARATION or compliant:
+        kind = RELEASE if state != SEPARATION else ENGAGE
+        rows[n, 0], rows[n, 1], rows[n, 2] = kind + code, tau, v
+        return flank if state == SEPARATION else SEPARATION, v, n + 1
+    v = -p[RESTITUTION] * v
+    if absolute:
+        v -= (1 + p[RESTITUTION]) * slope
+    rows[n, 0], rows[n, 1], rows[n, 2] = IMPACT + code, tau, v
+    n += 1
+    sticks = abs(v) < p[STICKING] and side * load > 0
+    if not sticks and side * v <= 0:
+        return SEPARATION, v, n
+    v = 0.0 if sticks else v
+    kind = CHATTER_END if sticks else ENGAGE
+    rows[n, 0], rows[n, 1], rows[n, 2] = kind + code, tau, v
+    return flank, v, n + 1
+
+
+@njit
 def run(p, laws, arcs, cycles, rtol, atol_x, atol_v, amplitude, rows):
     """The hybrid loop; (events, failure, motion state, φ, φ')."""
     compliant, absolute, piecewise = laws[0], laws[1], laws[2]
@@ -181,33 +204,13 @@ def run(p, laws, arcs, cycles, rtol, atol_x, atol_v, amplitude, rows):
             h = grown
             if n + 2 > len(rows):
                 return n, 1, state, x, v
-            side = 1.0 if flank == DRIVE else -1.0
-            code = flank - 1
             load = acceleration(p, SEPARATION, piecewise, curvature, tau, x, v)
-            if state != SEPARATION:
-                state = SEPARATION
-                rows[n, 0], rows[n, 1], rows[n, 2] = RELEASE + code, tau, v
-                n += 1
-            elif compliant:
-                state = flank
-                rows[n, 0], rows[n, 1], rows[n, 2] = ENGAGE + code, tau, v
-                n += 1
-            else:
-                v = -p[RESTITUTION] * v
-                if absolute:
-                    slope = (arcs[arc, 2] + curvature * (tau - begin) if piecewise
-                             else -amplitude * p[OMEGA] * np.sin(p[OMEGA] * tau))
-                    v -= (1 + p[RESTITUTION]) * slope
-                rows[n, 0], rows[n, 1], rows[n, 2] = IMPACT + code, tau, v
-                n += 1
-                if abs(v) < p[STICKING] and side * load > 0:
-                    v, state = 0.0, flank
-                    rows[n, 0], rows[n, 1], rows[n, 2] = CHATTER_END + code, tau, v
-                    n += 1
-                elif side * v > 0:
-                    state = flank
-                    rows[n, 0], rows[n, 1], rows[n, 2] = ENGAGE + code, tau, v
-                    n += 1
+            slope = 0.0
+            if absolute:
+                slope = (arcs[arc, 2] + curvature * (tau - begin) if piecewise
+                         else -amplitude * p[OMEGA] * np.sin(p[OMEGA] * tau))
+            state, v, n = resolve(p, compliant, absolute, state, flank, tau, v, load, slope,
+                                  rows, n)
             if state == SEPARATION and load != 0.0 and v != 0.0:
                 h = min(h, abs(v / load))  # a step must not leap over a short flight
             h = max(h, 1e-13)
