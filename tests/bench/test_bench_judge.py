@@ -1,5 +1,7 @@
 """The rule that says what is an error, what is missed and what is doubled."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -81,6 +83,23 @@ def test_a_graze_within_the_own_error_is_no_doubled_event():
     # ... which is more than ten errors of a run at 1e-6.
     far = verdict(run([IMPACT, IMPACT], [1.0, late]), expected, tolerance=1e-6)
     assert (far.missed, far.doubled) == (0, 1)
+
+
+@pytest.mark.parametrize(("miss", "doubled"), [(1e-7, 0), (1e-3, 1)])
+def test_a_flight_that_turns_just_short_of_the_coast_flank(miss, doubled):
+    """Thrown off at v it turns v²/2 below; a coast flank so little farther is not struck.
+
+    A run that strikes it is right to within ten errors of 1e-7 or is not.
+    """
+    v = 0.8
+    near = replace(FLAT, backlash=v**2 / 2 + miss)
+    expected = reference([IMPACT], [1.0], after=-v)
+    struck = run([IMPACT, IMPACT + 1], [1.0, 1.0 + v / 10], velocity=-v)
+    found = judge(struck, expected, near, 3, 1e-7)
+    assert (found.missed, found.doubled) == (0, doubled)
+    # Half a flight later the distance is small no more, but what counts is how near it came.
+    late = run([IMPACT, IMPACT + 1], [1.0, 1.0 + 1.3 * v / 10], velocity=-v)
+    assert judge(late, expected, near, 3, 1e-7).doubled == doubled
 
 
 def test_only_the_end_of_a_chatter_counts():

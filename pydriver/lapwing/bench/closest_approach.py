@@ -33,16 +33,55 @@ def depth_beyond(problem, events, n):
 def closest_approach(problem, events, n, kind, here):
     """Least distance (rad) from an event of `kind` between events n - 1 and n of the reference.
 
-    Where the motion turns back before the event, that turning point counts; where it does not,
-    its distance at the time `here` (mesh periods).
+    Where the motion turns back before the event, that turning point counts; besides, its distance
+    at the time `here` (mesh periods).
     """
     state, tau, phi, phi_dot = _after(problem, events, n)
     end = float(events["time"][n]) if n < len(events["time"]) else here + 0.5
-    times, distances = _distances(problem, state, tau, phi, phi_dot, end * problem.period, kind)
-    inner = distances[1:-1]
-    turning = inner[(inner <= distances[:-2]) & (inner <= distances[2:])]
-    at = np.interp(here * problem.period, times, distances)
-    return float(min([at, *np.abs(turning)])) if turning.size else float(abs(at))
+    flank = flank_of(kind)
+    sign = 1.0 if flank == DRIVE else -1.0  # of the depth into the flank
+    offset = problem.backlash if flank == COAST else 0.0
+    # Before a release the depth is the distance; before an arrival what is missing to it.
+    sign = sign if kind in RELEASES else -sign
+    found, before = [np.inf], None
+    for begin, stop, arc in problem.stretches(tau, end * problem.period):
+        phi_dot -= arc.jump if before is not None else 0.0
+        solution = _smooth(problem, state, arc, begin, stop, phi, phi_dot)
+        # A kink can turn the motion back as well.
+        if before is not None and sign * before < 0 <= sign * phi_dot:
+            found.append(abs(phi + offset))
+        times = _turning_points(solution, begin, stop, sign)
+        if begin <= here * problem.period <= stop:
+            times.append(here * problem.period)
+        found += [abs(solution(t)[0] + offset) for t in times]
+        phi, phi_dot = (float(x) for x in solution(stop))
+        before = phi_dot
+    return float(min(found))
+
+
+def _smooth(problem, state, arc, begin, stop, phi, phi_dot):
+    """φ, φ' as a function of τ on a stretch without kinks."""
+    from scipy.integrate import solve_ivp
+
+    def rate(t, y):
+        load = problem.force - problem.curvature(arc, t)
+        if state == SEPARATION:
+            return y[1], load
+        shift = problem.backlash if state == COAST else 0.0
+        return y[1], load - 2 * problem.xi * y[1] - y[0] - shift
+
+    return solve_ivp(rate, (begin, stop), (phi, phi_dot), method="DOP853", rtol=RTOL,
+                     atol=RTOL * problem.angle, dense_output=True).sol
+
+
+def _turning_points(solution, begin, stop, sign):
+    """Where sign·φ stops falling and rises."""
+    from scipy.optimize import brentq
+
+    t = np.linspace(begin, stop, SAMPLES)
+    rate = sign * solution(t)[1]
+    return [brentq(lambda x: solution(x)[1], t[i], t[i + 1])
+            for i in np.flatnonzero((rate[:-1] < 0) & (rate[1:] > 0))]
 
 
 def _after(problem, events, n):
@@ -54,35 +93,3 @@ def _after(problem, events, n):
     contact = kind not in (EventKind.IMPACT, EventKind.BACK_IMPACT, *RELEASES)
     return (flank if contact else SEPARATION, float(events["time"][n - 1]) * problem.period,
             0.0 if flank == DRIVE else -problem.backlash, float(events["velocity_after"][n - 1]))
-
-
-def _distances(problem, state, tau, phi, phi_dot, end, kind):
-    """Samples of the distance from an event of `kind`, positive before it."""
-    from scipy.integrate import solve_ivp
-
-    flank = flank_of(kind)
-    offset = problem.backlash if flank == COAST else 0.0
-    into = 1.0 if flank == DRIVE else -1.0  # the distance from release is the depth
-    sign = into if kind in RELEASES else -into
-
-    def rate(arc):
-        def acceleration(t, y):
-            load = problem.force - problem.curvature(arc, t)
-            if state == SEPARATION:
-                return y[1], load
-            shift = problem.backlash if state == COAST else 0.0
-            return y[1], load - 2 * problem.xi * y[1] - y[0] - shift
-        return acceleration
-
-    times, values = [], []
-    for begin, stop, arc in problem.stretches(tau, end):
-        if times:
-            phi_dot -= arc.jump
-        solution = solve_ivp(rate(arc), (begin, stop), (phi, phi_dot), method="DOP853",
-                             rtol=RTOL, atol=RTOL * problem.angle, dense_output=True)
-        t = np.linspace(begin, stop, SAMPLES)
-        y = solution.sol(t)
-        times.append(t)
-        values.append(sign * (y[0] + offset))
-        phi, phi_dot = solution.y[:, -1]
-    return np.concatenate(times), np.concatenate(values)

@@ -48,9 +48,11 @@ QUICK = Plan(torques=16, slow_torques=1, slow_short_torques=4, tolerances=2, rep
 
 
 def spread(n, count):
-    """`count` of n indices, evenly spread, both ends included."""
+    """`count` of n indices, evenly spread, both ends included; a single one is in the middle."""
     if count is None or count >= n:
         return np.arange(n)
+    if count == 1:
+        return np.array([n // 2])
     return np.unique(np.linspace(0, n - 1, count).round().astype(int))
 
 
