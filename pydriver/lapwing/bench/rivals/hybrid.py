@@ -1,11 +1,13 @@
 """The hybrid loop that integrators with terminal events share.
 
 A rival that stops at each event gives one function, `advance(motion state, arc, τ, end, φ, φ',
-first step)`: it integrates up to the first event or the end and returns τ, φ, φ' and the flank
+bounce)`: it integrates up to the first event or the end and returns τ, φ, φ' and the flank
 touched (0: none).
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 from lapwing.bench.outcome import Record
 from lapwing.codes import EventKind
@@ -42,26 +44,40 @@ def resolve(problem, arc, flank, tau, before):
     return [EventKind.IMPACT], SEPARATION, after
 
 
-def first_step(problem, arc, tau, phi_dot):
-    """Half the flight of a tooth thrown off a flank at φ': one step must not leap over it all."""
+class Bounce(NamedTuple):
+    """The flight of a tooth thrown off a flank, as far as it is known before.
+
+    A first step must not leap over it all, and the smallest bounce needs tolerances of its size.
+    """
+
+    half: float   #: τ; half its duration
+    angle: float  #: rad; its height, or the natural size of angles
+    speed: float  #: rad per τ; its own, or the natural size of velocities
+
+
+def bounce_from(problem, arc, tau, phi_dot):
+    """The flight that begins at φ' (None: nothing is known of it)."""
     pull = abs(problem.force - problem.curvature(arc, tau))
-    return abs(phi_dot) / pull if pull > 0 and phi_dot != 0 else None
+    if pull == 0 or phi_dot == 0:
+        return None
+    return Bounce(abs(phi_dot) / pull, min(problem.angle, phi_dot**2 / (2 * pull)),
+                  min(problem.speed, abs(phi_dot)))
 
 
 def follow(problem, cycles, advance):
     """Run from rest at phase 0; a Record."""
     state, phi, phi_dot, tau = DRIVE, problem.force, 0.0, 0.0
-    rows, step, first = [], None, True
+    rows, bounce, first = [], None, True
     for end, arc in problem.arc_list(cycles):
         if not first:
             phi_dot -= arc.jump
-        first, step = False, None
+        first, bounce = False, None
         while tau < end:
             try:
-                tau, phi, phi_dot, flank = advance(state, arc, tau, end, phi, phi_dot, step)
+                tau, phi, phi_dot, flank = advance(state, arc, tau, end, phi, phi_dot, bounce)
             except (RuntimeError, ValueError) as error:
                 return Record(rows, problem.period, (state, phi, phi_dot), str(error))
-            step = None
+            bounce = None
             if not flank:
                 break
             phi = 0.0 if flank == DRIVE else -problem.backlash
@@ -71,7 +87,7 @@ def follow(problem, cycles, advance):
                 kinds, state = [EventKind.RELEASE], SEPARATION
             rows += [(back(kind, flank), tau, phi_dot) for kind in kinds]
             if state == SEPARATION:
-                step = first_step(problem, arc, tau, phi_dot)
+                bounce = bounce_from(problem, arc, tau, phi_dot)
             if len(rows) > MAX_EVENTS:
                 return Record(rows, problem.period, (state, phi, phi_dot), "too many events")
         tau = end

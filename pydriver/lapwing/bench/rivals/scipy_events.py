@@ -19,7 +19,7 @@ def follower(scene, tolerance, method):
 def _follow(method, tolerance, problem, cycles):
     from scipy.integrate import solve_ivp
 
-    atol = tolerance * np.array([problem.angle, problem.speed])
+    natural = tolerance * np.array([problem.angle, problem.speed])
     shift = {SEPARATION: 0.0, DRIVE: 0.0, COAST: problem.backlash}
 
     def right_hand_side(state, arc):
@@ -52,9 +52,11 @@ def _follow(method, tolerance, problem, cycles):
 
     event_sets = {state: events(state) for state in shift}
 
-    def advance(state, arc, tau, end, phi, phi_dot, step):
-        if step is not None:
-            step = min(max(step, STEP_FLOOR), end - tau)
+    def advance(state, arc, tau, end, phi, phi_dot, bounce):
+        step, atol = None, natural
+        if bounce is not None:
+            step = min(max(bounce.half, STEP_FLOOR), end - tau)
+            atol = tolerance * np.array([bounce.angle, bounce.speed])
         result = solve_ivp(right_hand_side(state, arc), (tau, end), (phi, phi_dot), method=method,
                            rtol=tolerance, atol=atol, events=event_sets[state], first_step=step)
         if result.status < 0:

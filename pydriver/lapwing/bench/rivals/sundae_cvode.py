@@ -16,7 +16,7 @@ def follower(scene, tolerance):
 
 
 def _follow(tolerance, problem, cycles):
-    atol = tolerance * np.array([problem.angle, problem.speed])
+    natural = tolerance * np.array([problem.angle, problem.speed])
     force, xi = problem.force, problem.xi
     inertia, omega = problem.amplitude * problem.omega**2, problem.omega
     arc_now = [None]
@@ -50,11 +50,14 @@ def _follow(tolerance, problem, cycles):
         event.terminal = [True] * len(directions)
         event.direction = directions
 
-    def advance(state, arc, tau, end, phi, phi_dot, step):
+    def advance(state, arc, tau, end, phi, phi_dot, bounce):
         arc_now[0] = arc
         function, event, directions = systems[state]
         # A call that reaches its end before its first step is over is refused by CVODE.
-        first = min(step or 0.0, 0.5 * (end - tau))
+        first, atol = 0.0, natural
+        if bounce is not None:
+            first = min(bounce.half, 0.5 * (end - tau))
+            atol = tolerance * np.array([bounce.angle, bounce.speed])
         solver = CVODE(function, method="Adams", rtol=tolerance, atol=atol, eventsfn=event,
                        num_events=len(directions), first_step=first, max_num_steps=100_000)
         result = solver.solve(np.array([tau, end]), np.array([phi, phi_dot]))
