@@ -37,7 +37,7 @@ def draw(panels):
     """
     rows = -(-len(panels) // COLUMNS)
     columns = min(COLUMNS, len(panels))
-    figure = style.new_figure(5.6 * columns, 3.9 * rows)
+    figure = style.new_figure(5.0 * columns, 3.5 * rows)
     axes = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
     for axis, (title, curves, label) in zip(axes, panels, strict=False):
         _panel(axis, title, curves, label)
