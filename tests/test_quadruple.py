@@ -8,13 +8,15 @@ import json
 import sys
 
 import pytest
-from mpmath import mpf
+from mpmath import mp, mpf
 
 from helpers import ROOT
 
-sys.path.append(str(ROOT / "tests" / "reference"))
+sys.path += [str(ROOT / "tests" / "reference"), str(ROOT / "tests" / "hard_cases")]
+import make_hard_cases
 import quadruple
 
+HARD_CASES = sorted((ROOT / "tests" / "hard_cases" / "data").glob("*.json"))
 # Runge-Kutta at this tolerance, a few seconds a run; the promise about event times is the one of
 # docs/method.md: within it times (P + growth).
 TOLERANCE = "1e-17"
@@ -61,6 +63,28 @@ def test_states_at_cycle_ends(program):
     size = 1e3 * float(run["dimensionless"]["force"]) * float(TOLERANCE)
     for name in ("phi", "velocity"):
         assert own["final"][name] == pytest.approx(mpf(last[name]), rel=0, abs=size)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("path", HARD_CASES, ids=lambda path: path.stem)
+def test_hard_cases(program, path):
+    """The numbers of tests/hard_cases, every event, from a second source."""
+    case = json.loads(path.read_text(encoding="utf-8"))
+    start = {"phase": case["phase"]}
+    if case["start"] != "rest":
+        state, phi, velocity = case["start"]
+        start |= {"motion": make_hard_cases.FLANKS[state], "phi": phi, "velocity": velocity}
+    with mp.workdps(50):
+        own = quadruple.follow(program, make_hard_cases.reference_scene(case["scene"]), start,
+                               case["cycles"], tolerance=TOLERANCE)
+        assert own["final"]["status"] == 0
+        events = quadruple.without_tails(own["events"], own["period"])
+        assert [make_hard_cases.NAMES[e["kind"], e["flank"]] for e in events] == [
+            e["kind"] for e in case["events"]]
+        # 25 digits are stored; parameters and time are rounded to 33.
+        for one, other in zip(events, case["events"], strict=True):
+            condition = other["condition"]["tau"] + own["period"]
+            assert abs(one["tau"] - mpf(other["tau"])) <= mpf(TOLERANCE) * condition
 
 
 def test_stored_files_name_their_command():

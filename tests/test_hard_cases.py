@@ -1,0 +1,150 @@
+"""Hard cases as data (tests/hard_cases): every number of every event, by both methods.
+
+`condition` of a number is what a relative change of a parameter does to it, summed over all
+parameters. Allowed are, for 'exact', 1e-10 of the natural size and what the rounding of inputs and
+of time does, ROUNDING·(condition + τ); for 'rk4' in addition its promise, `rtol` mesh periods times
+what the dynamics make of it.
+"""
+
+import json
+import math
+import sys
+
+import numpy as np
+import pytest
+
+from event_comparison import ROUNDING, bend, events_of
+from helpers import EPS, ROOT, needs_closed_form
+from lapwing import EventKind, Oscillator, Status, TransmissionError, simulate
+
+FOLDER = ROOT / "tests" / "hard_cases"
+sys.path.append(str(FOLDER))
+import make_hard_cases  # noqa: E402
+
+RTOL = 1e-10
+EXACT = 1e-10
+FILES = sorted((FOLDER / "data").glob("*.json"))
+ORBITS = json.loads((FOLDER / "orbits.json").read_text(encoding="utf-8"))
+LONG = [name for name, orbit in ORBITS.items() if name != "command"]
+COLUMNS = ("phi", "velocity_before", "velocity_after")
+
+
+def load(path):
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def oscillator_of(scene):
+    te = scene["te"]
+    if isinstance(te, dict) and "harmonic" in te:
+        orders, amplitudes, shifts = np.array(te["harmonic"]).T
+        table = TransmissionError.harmonic(amplitudes, shifts, orders)
+    else:
+        table = TransmissionError.from_hermite(*np.array(make_hard_cases.table_rows(te)).T)
+    return Oscillator(
+        table, mesh_frequency_ratio=2 * math.pi / scene["period"],
+        **{key: value for key, value in scene.items() if key not in ("te", "period")})
+
+
+def start_of(case):
+    return case["start"] if isinstance(case["start"], str) else tuple(case["start"])
+
+
+def run_case(case, method, cycles):
+    osc = oscillator_of(case["scene"])
+    assert osc.period == pytest.approx(case["scene"]["period"], rel=2 * EPS)
+    return simulate(osc, start_of(case), case["phase"], cycles, method=method, rtol=RTOL,
+                    record=("events",))
+
+
+def tolerances(run, method, tau, phi, speed, condition):
+    """Allowed error of a time, and of a place or speed of some condition, at an event."""
+    osc = run.oscillator
+    promise = RTOL if method == "rk4" else 0.0
+    time = (EXACT + promise) * osc.period + (promise + ROUNDING) * (condition["tau"] + abs(tau))
+    load = bend(osc, tau, run.final) + abs(phi) + 2 * osc.damping_ratio * speed
+    size = osc.angle_scale + speed
+
+    def allowed(name):
+        known = EXACT * size + ROUNDING * (condition[name] + size + abs(phi))
+        return known + promise * (condition[name] + size + load * osc.period)
+    return time, allowed
+
+
+@pytest.mark.parametrize("method", ["exact", "rk4"])
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_case(path, method):
+    needs_closed_form(method)
+    case = load(path)
+    run = run_case(case, method, case["cycles"] - case["phase"])
+    assert run.status == Status.OK
+    found = events_of(run)
+    names = [EventKind(kind).name for kind in found["kind"]]
+    assert names == [event["kind"] for event in case["events"]]
+    for i, event in enumerate(case["events"]):
+        expected = {name: float(event[name]) for name in ("tau", *COLUMNS)}
+        speed = max(abs(expected["velocity_before"]), abs(expected["velocity_after"]))
+        time, allowed = tolerances(run, method, expected["tau"], expected["phi"], speed,
+                                   event["condition"])
+        assert abs(found["tau"][i] - expected["tau"]) <= time, (i, names[i], "tau")
+        for name in COLUMNS:
+            error = abs(found[name][i] - expected[name])
+            assert error <= allowed(name), (i, names[i], name, error, allowed(name))
+
+
+@pytest.mark.parametrize("method", ["exact", "rk4"])
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_final_state(path, method):
+    needs_closed_form(method)
+    case = load(path)
+    run = run_case(case, method, case["cycles"] - case["phase"])
+    final = case["final"]
+    assert run.final.motion_state.name.lower() == final["motion"]
+    phi, velocity = float(final["phi"]), float(final["velocity"])
+    condition = {**final["condition"], "tau": 0.0}
+    _, allowed = tolerances(run, method, run.final.tau, phi, abs(velocity), condition)
+    assert abs(run.final.phi - phi) <= allowed("phi")
+    assert abs(run.final.phi_dot - velocity) <= allowed("velocity")
+
+
+@pytest.mark.parametrize("method", ["exact", "rk4"])
+@pytest.mark.parametrize("name", LONG)
+@pytest.mark.parametrize("cycles", [2_000, pytest.param(100_000, marks=pytest.mark.full)])
+def test_stable_orbit(name, cycles, method):
+    """Every cycle of very many: the same events at the same phases with the same velocities."""
+    needs_closed_form(method)
+    orbit = ORBITS[name]
+    run = run_case(orbit, method, cycles)
+    assert run.status == Status.OK
+    per_cycle = len(orbit["events"])
+    late = run.events["cycle"].values >= orbit["settle"] + 1
+    # What the end of the run may cut off is left out.
+    late &= run.events["cycle"].values < cycles - 1
+    found = {key: run.events[key].values[late].reshape(-1, per_cycle)
+             for key in ("kind", "phase", "velocity_before", "velocity_after")}
+    assert len(found["phase"]) == cycles - orbit["settle"] - 2
+    kinds = [EventKind[event["kind"]] for event in orbit["events"]]
+    assert np.all(found["kind"] == kinds)
+    error = EXACT + ROUNDING * orbit["condition"]
+    if method == "rk4":
+        error += RTOL * (1 + orbit["condition"])
+    osc = run.oscillator
+    for k, event in enumerate(orbit["events"]):
+        assert np.abs(found["phase"][:, k] - float(event["phase"])).max() <= error, event["kind"]
+        for key in ("velocity_before", "velocity_after"):
+            size = abs(float(event[key])) + bend(osc, run.final.tau, run.final) * osc.period
+            assert np.abs(found[key][:, k] - float(event[key])).max() <= error * size, event["kind"]
+
+
+def test_every_case_is_stored_and_named():
+    import hard_case_list  # noqa: F401  registers the cases
+
+    assert [path.stem for path in FILES] == sorted(make_hard_cases.CASES)
+    assert all(load(path)["command"] == f"{make_hard_cases.COMMAND} {path.stem}" for path in FILES)
+
+
+def test_flights_over_both_flanks_are_single_steps():
+    """The case is what it says: fewer steps than events."""
+    case = load(FOLDER / "data" / "both_flanks_in_one_step.json")
+    run = run_case(case, "rk4", 0.005)
+    assert run.events.sizes["event"] >= 2
+    assert run.work["steps"] <= run.events.sizes["event"] + 1
