@@ -2,6 +2,7 @@
 
 * An event of one run that is absent or extra in the other is a disagreement, unless the closest
   approach to the other outcome is within ten times the runs' own state error there.
+* So is an event at another time, or with other velocities, than errors allow.
 * Inside a complete chatter only its end counts: how many of its last bounces are listed is a
   matter of cut-off.
 * The comparison stops once an initial error of 1e-15 has grown to the tolerance. A third run, with
@@ -28,10 +29,13 @@ ROUNDING = 8 * np.finfo(float).eps
 INITIAL_ERROR = 1e-15
 # Bounces this near, in mesh periods, to the end of their chatter are its listed tail.
 CHATTER_TAIL = 1e-6
+# A speed, over the angle scale, that is none: a few roundings of g'.
+PILED_UP = 1e-13
 # Points at which the closest approach of a stretch is looked for, then finer about the closest.
 SAMPLES = 400
 REFINEMENTS, REFINED = 6, 21
 COLUMNS = ("tau", "kind", "phi", "velocity_before", "velocity_after")
+SPEEDS = ("velocity_before", "velocity_after")
 ENDS = (EventKind.CHATTER_END, EventKind.BACK_CHATTER_END)
 
 
@@ -54,12 +58,29 @@ class Verdict:
 def events_of(run):
     """Events that count, as a dict of arrays: all but the listed tails of complete chatters."""
     table = {name: run.events[name].values for name in COLUMNS}
+    table["kind"] = with_pile_ups_ended(table, run.oscillator)
     keep = np.ones(len(table["tau"]), dtype=bool)
     for i in np.flatnonzero(np.isin(table["kind"], ENDS)):
         impact = EventKind.IMPACT + (table["kind"][i] - EventKind.CHATTER_END)
         keep &= ~((table["kind"] == impact) & (table["tau"] <= table["tau"][i])
                   & (table["tau"] >= table["tau"][i] - CHATTER_TAIL * run.oscillator.period))
     return {name: column[keep] for name, column in table.items()}
+
+
+def with_pile_ups_ended(table, osc):
+    """Kinds, with one name for the end of a pile-up.
+
+    Bounces of the absolute law that die out where g' passes zero end by resolution (CHATTER_END) or
+    because a last speed happens to round to zero or beyond (ENGAGE): the same to any error.
+    """
+    kind = table["kind"].copy()
+    for i in np.flatnonzero(np.isin(kind, (EventKind.ENGAGE, EventKind.BACK_ENGAGE))):
+        impact = kind[i] - EventKind.ENGAGE + EventKind.IMPACT
+        before = np.flatnonzero(kind[:i] == impact)[-2:]
+        if len(before) == 2 and abs(table["velocity_after"][i]) <= PILED_UP * osc.angle_scale \
+                and table["tau"][i] - table["tau"][before[0]] <= CHATTER_TAIL * osc.period:
+            kind[i] += EventKind.CHATTER_END - EventKind.ENGAGE
+    return kind
 
 
 def changed_data(osc, start, change=CHANGE):
@@ -76,8 +97,8 @@ def changed_data(osc, start, change=CHANGE):
     return osc, (state, phi, phi_dot * (1 + change))
 
 
-def growth_of(one, changed, change=CHANGE):
-    """|Δτ| over the relative change for each event of `one`; infinite where the lists part.
+def growth_of(one, changed, column="tau", change=CHANGE):
+    """|Δ| of a column over the relative change for each event; infinite where the lists part.
 
     An event's own value can vanish by accident, and that of a kink always does: the largest of
     the last four events and the next is taken.
@@ -86,7 +107,7 @@ def growth_of(one, changed, change=CHANGE):
     same = one["kind"][:n] == changed["kind"][:n]
     alike = n if np.all(same) else int(np.argmin(same))
     growth = np.full(len(one["tau"]), np.inf)
-    growth[:alike] = np.abs(one["tau"][:alike] - changed["tau"][:alike]) / change
+    growth[:alike] = np.abs(one[column][:alike] - changed[column][:alike]) / change
     return np.array([growth[max(0, i - 3):i + 2].max() for i in range(len(growth))])
 
 
@@ -111,6 +132,7 @@ def compare(one, other, changed, tolerance):
     period = one.oscillator.period
     lists = events_of(one), events_of(other)
     growth = growth_of(lists[0], events_of(changed))
+    speeds = {name: growth_of(lists[0], events_of(changed), name) for name in SPEEDS}
     n, m = (len(table["tau"]) for table in lists)
     for i in range(max(n, m)):
         known = growth[min(i, n - 1)] if n else 0.0
@@ -119,7 +141,8 @@ def compare(one, other, changed, tolerance):
         tau = max(table["tau"][:i + 1].max() for table in lists if len(table["tau"]))
         near = ALLOWANCE * time_error(known, tau, tolerance, period)
         if i < n and i < m and lists[0]["kind"][i] == lists[1]["kind"][i] \
-                and abs(lists[0]["tau"][i] - lists[1]["tau"][i]) <= near:
+                and abs(lists[0]["tau"][i] - lists[1]["tau"][i]) <= near \
+                and same_speeds(one, lists, speeds, i, near, ALLOWANCE * tolerance):
             continue
         parting = Parting((one, other), lists, i, near, ALLOWANCE * tolerance)
         reason = parting.excuse()
@@ -129,6 +152,17 @@ def compare(one, other, changed, tolerance):
     if one.status != other.status:
         return Verdict(False, n, f"the runs ended as {one.status.name} and {other.status.name}")
     return Verdict(True, n, "all")
+
+
+def same_speeds(one, lists, growth, i, near, tolerance):
+    """Whether velocities before and after agree to their errors."""
+    osc, row = one.oscillator, {name: lists[0][name][i] for name in COLUMNS}
+    speed = max(abs(row[name]) for name in SPEEDS)
+    load = bend(osc, row["tau"], one.final) + abs(row["phi"]) + 2 * osc.damping_ratio * speed
+    size = osc.angle_scale + speed + load * osc.period
+    return all(abs(row[name] - lists[1][name][i])
+               <= load * near + (tolerance + ALLOWANCE * ROUNDING) * (size + growth[name][i])
+               for name in SPEEDS)
 
 
 @dataclass(frozen=True)

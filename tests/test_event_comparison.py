@@ -59,6 +59,21 @@ def test_a_wrong_time_is_found():
     assert compare(one, moved, changed, 10 * RTOL).compared == 7
 
 
+def test_a_wrong_velocity_is_found():
+    """A kink whose slope jump is counted twice."""
+    one, other, changed = trio(scene_d(2.0), cycles=3)
+    kinks = np.flatnonzero(one.events["kind"].values == EventKind.KINK)
+    jump = np.zeros(other.events.sizes["event"])
+    jump[kinks[1]] = np.diff([other.events[name].values[kinks[1]] for name in (
+        "velocity_before", "velocity_after")], axis=0)[0]
+    for name in ("velocity_before", "velocity_after"):
+        wrong = other.events[name].values + jump
+        moved = replace(other, events=other.events.assign({name: ("event", wrong)}))
+        verdict = compare(one, moved, changed, 10 * RTOL)
+        assert not verdict.agrees
+        assert events_of(one)["kind"][verdict.compared] == EventKind.KINK
+
+
 def test_listed_tails_of_chatter_do_not_count():
     one, other, changed = trio(scene_d(5.5), cycles=2)
     rows = np.arange(one.events.sizes["event"])

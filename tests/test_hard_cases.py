@@ -13,8 +13,8 @@ import sys
 import numpy as np
 import pytest
 
-from event_comparison import ROUNDING, bend, events_of
-from helpers import EPS, ROOT, needs_closed_form
+from event_comparison import CHATTER_TAIL, ROUNDING, bend, events_of
+from helpers import EPS, PAIR, ROOT, needs_closed_form
 from lapwing import EventKind, Oscillator, Status, TransmissionError, simulate
 
 FOLDER = ROOT / "tests" / "hard_cases"
@@ -133,6 +133,67 @@ def test_stable_orbit(name, cycles, method):
         for key in ("velocity_before", "velocity_after"):
             size = abs(float(event[key])) + bend(osc, run.final.tau, run.final) * osc.period
             assert np.abs(found[key][:, k] - float(event[key])).max() <= error * size, event["kind"]
+
+
+# --- harmonic series ----------------------------------------------------------------------------
+
+SERIES = [pytest.param(run, id=f"{path.stem}-{run['name']}")
+          for path in sorted((ROOT / "tests" / "reference" / "data" / "quadruple").glob("*.json"))
+          for run in load(path)["runs"]]
+# What the table of a series is promised to: value and curvature, relative (transmission_error.py).
+TABLE_VALUE, TABLE_CURVATURE = 1e-12, 1e-8
+
+
+@pytest.mark.parametrize("method", ["exact", "rk4"])
+@pytest.mark.parametrize("run", SERIES)
+def test_harmonic_series(run, method):
+    """Event times against quadruple precision; 'rk4' moves on the table of the series."""
+    needs_closed_form(method)
+    scene = run["scene"]
+    orders, amplitudes, shifts = np.array(scene["te"]["terms"], dtype=float).T
+    osc = PAIR.oscillator(
+        TransmissionError.harmonic(amplitudes, shifts, orders),
+        brake_torque=float(scene["brake_torque"]),
+        pinion_speed_rpm=float(scene["pinion_speed_rpm"]), contact_law=scene["contact_law"],
+        impact_law=scene.get("impact_law", "relative"))
+    found = simulate(osc, run["start"], cycles=run["cycles"], method=method, rtol=RTOL,
+                     record=("events",))
+    names = [(event["kind"], event["flank"]) for event in run["events"]]
+    tails = [(event["flank"], float(event["tau"])) for event in run["events"]
+             if event["kind"] == "chatter_end"]
+    keep = [not (kind == "impact" and any(f == flank and 0 <= end - float(event["tau"])
+                                          <= CHATTER_TAIL * osc.period for f, end in tails))
+            for (kind, flank), event in zip(names, run["events"], strict=True)]
+    events = [event for event, kept in zip(run["events"], keep, strict=True) if kept]
+    table = events_of(found)
+    assert [EventKind(kind).name for kind in table["kind"]] == [
+        make_hard_cases.NAMES[event["kind"], event["flank"]] for event in events]
+    growth = np.array([float(event["growth"]) for event in events])
+    tau = np.array([float(event["tau"]) for event in events])
+    allowed = EXACT * osc.period + ROUNDING * (growth + tau)
+    if method == "rk4":
+        allowed += (RTOL + TABLE_VALUE) * (osc.period + growth)
+    assert np.all(np.abs(table["tau"] - tau) <= allowed)
+
+
+@pytest.mark.parametrize("method", ["exact", "rk4"])
+@pytest.mark.parametrize("side", [1, -1])
+def test_rigid_contact_near_the_critical_gamma(side, method):
+    """Γ = A'Ω²/F = 1 ± 1e-6: lost where cos u = -1/Γ, or never."""
+    needs_closed_form(method)
+    omega, gamma = 0.75, 1 + side * 1e-6
+    osc = Oscillator(TransmissionError.harmonic([1.0]), force=omega**2 / gamma, backlash=1e3,
+                     mesh_frequency_ratio=omega, restitution=0.5, contact_law="rigid")
+    run = simulate(osc, cycles=0.6 if side > 0 else 50.0, method=method)
+    if side < 0:
+        assert run.events.sizes["event"] == 0
+        return
+    assert run.events["kind"].values[0] == EventKind.RELEASE
+    # d cos u = sin u du: how far a relative error of g'' moves the place, in periods.
+    u = math.pi - math.acos(osc.force / omega**2)
+    condition = 1 / (2 * math.pi * math.tan(math.pi - u))
+    error = EXACT + ROUNDING * condition + (TABLE_CURVATURE * condition if method == "rk4" else 0)
+    assert run.events["phase"].values[0] == pytest.approx(u / (2 * math.pi), rel=0, abs=error)
 
 
 def test_every_case_is_stored_and_named():

@@ -36,6 +36,8 @@ KINDS = ["impact", "release", "engage", "chatter_end"]
 TOLERANCE = "1e-18"
 # Of the end of a complete chatter, mesh periods.
 CHATTER_TOLERANCE = "1e-26"
+# Relative; far above the error of the two runs whose difference tells how errors grow.
+TORQUE_CHANGE = "1e-12"
 # Quintic Hermite pieces per mesh period of order 1 that stand for a harmonic series: the remainder
 # (2 pi/n)**6/46080 is 3e-24 of the amplitude.
 PIECES_PER_ORDER = 8192
@@ -67,11 +69,10 @@ def harmonic_pieces(terms):
     rows = []
     for i in range(count):
         phase = mpf(i) / count
-        rows.append([str(phase)] + [sum(
+        rows.append([phase] + [sum(
             mpf(a) * (2 * mp.pi * int(n)) ** k
             * mp.cos(2 * mp.pi * int(n) * phase + mpf(shift) + k * mp.pi / 2)
             for n, a, shift in terms) for k in range(3)])
-        rows[-1][0] = phase
     return {"kind": "quintic_hermite", "rows": rows}
 
 
@@ -221,12 +222,26 @@ def stored(entry):
     return mp.nstr(entry, STORED_DIGITS) if isinstance(entry, mpf) else entry
 
 
+def with_growth(program, scene, cycles, method, tolerance):
+    """A run, and for each event |d tau / d ln T|; null from the first that has no counterpart."""
+    run = follow(program, scene, "rest", cycles, method, tolerance)
+    torque = mpf(scene["brake_torque"]) * (1 + mpf(TORQUE_CHANGE))
+    other = follow(program, {**scene, "brake_torque": torque}, "rest", cycles, method, tolerance)
+    alike = True
+    for i, event in enumerate(run["events"]):
+        pair = other["events"][i] if i < len(other["events"]) else {"kind": None, "flank": None}
+        alike &= (event["kind"], event["flank"]) == (pair["kind"], pair["flank"])
+        change = abs(pair["tau"] - event["tau"]) / mpf(TORQUE_CHANGE) if alike else None
+        event["growth"] = mp.nstr(change, 5) if alike else None
+    return run
+
+
 def write_files(program, method, tolerance):
     folder = DATA / "quadruple"
     folder.mkdir(parents=True, exist_ok=True)
     for stem, cases in FILES.items():
         runs = [run_text({"name": name, "scene": scene, "start": "rest", "cycles": cycles,
-                          **stored(follow(program, scene, "rest", cycles, method, tolerance))})
+                          **stored(with_growth(program, scene, cycles, method, tolerance))})
                 for name, scene, cycles in cases]
         head = {"command": COMMAND, "method": method, "tolerance": tolerance}
         lines = [f"{json.dumps(key)}: {json.dumps(entry)}" for key, entry in head.items()]
