@@ -86,10 +86,11 @@ def with_pile_ups_ended(table, osc):
 def changed_data(osc, start, change=CHANGE):
     """Oscillator and start whose force, curve, place and speed are changed by a part of their size.
 
-    Where the coast flank stands still the curve is left alone: a start may lie on that flank.
+    Not all the same way: angles and force that grow alike leave every time as it is. Where the
+    coast flank stands still the curve is left alone: a start may lie on that flank.
     """
     osc = replace(osc, force=osc.force + change * osc.angle_scale,
-                  gear_ratio=osc.gear_ratio * (1 + change * osc.back_flank_te))
+                  gear_ratio=osc.gear_ratio * (1 - change * osc.back_flank_te))
     if isinstance(start, str):
         return osc, start
     state, phi, phi_dot = start

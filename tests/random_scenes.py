@@ -116,7 +116,9 @@ def follow(seed, methods=(("exact", TOLERANCE), ("rk4", TOLERANCE))):
     series, osc = osc, replace(osc, te=without_series(osc.te))
     verdict = compare_runs(osc, osc, begin, phase, cycles, methods)
     if verdict.agrees and len(series.te.harmonics) and methods[0][0] == "exact":
-        size = osc.gear_ratio * osc.te.peak_to_peak / osc.angle_scale
+        # Slopes against the natural size of velocities in flight.
+        fastest = osc.gear_ratio * np.abs(osc.te.slope(osc.te.knots[:-1])).max() / osc.period
+        size = fastest / (osc.angle_scale * min(1.0, osc.mesh_frequency_ratio))
         again = compare_runs(series, osc, begin, phase, cycles, [methods[0]] * 2,
                              SERIES_TOLERANCE * max(1.0, size))
         return again if not again.agrees else verdict
@@ -130,11 +132,13 @@ def without_series(te):
 def compare_runs(osc, other_osc, begin, phase, cycles, methods, tolerance=None):
     """Verdict of two methods, each on its own oscillator; the first runs from changed data too.
 
-    `tolerance`: what they may differ by, if that is not the larger rtol.
+    `tolerance`: what they may differ by, if that is not the larger rtol. 'exact' is meant where the
+    scene allows it.
     """
     changed_osc, changed_begin = changed_data(osc, begin)
 
     def run(osc, begin, method, rtol):
+        method = "auto" if method == "exact" else method
         return simulate(osc, begin, phase, cycles, method=method, rtol=rtol, record=("events",),
                         max_events_per_cycle=20_000)
     one, other = run(osc, begin, *methods[0]), run(other_osc, begin, *methods[1])
