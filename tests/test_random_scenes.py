@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from helpers import EPS
+from helpers import EPS, needs_closed_form
 from lapwing import EventKind, MotionState, simulate
 from random_scenes import TOLERANCE, describe, follow, scene, survey
 
@@ -50,6 +50,16 @@ def test_exact_against_runge_kutta():
     assert not disagreements, report(disagreements)
     # The comparison says something: hardly any scene is left early, none for want of events.
     assert compared > 5_000 and ends["all"] > 270
+
+
+def test_most_scenes_allow_the_closed_form():
+    needs_closed_form("exact")
+    methods = []
+    for seed in range(100):
+        osc, begin, phase, _ = scene(seed)
+        methods.append(simulate(osc, begin, phase, 0.01, method="auto", record=()).method)
+    # Only a forcing close to an undamped resonance is left to Runge-Kutta.
+    assert methods.count("exact") >= 95
 
 
 def test_runge_kutta_against_a_coarser_one():
@@ -125,6 +135,15 @@ def test_no_crossing_of_the_dense_output_is_missed(rtol):
             continue  # a tooth that follows its flank has no dense output
         run = simulate(osc, begin, phase, cycles, method="rk4", rtol=rtol, record=("events",))
         assert missed_crossings(run) <= 1, f"rtol {rtol}: {describe(seed)}"
+
+
+def test_the_closed_form_stays_on_its_side_of_the_flanks():
+    for seed in range(40):
+        osc, begin, phase, cycles = scene(seed)
+        if osc.contact_law == "rigid":
+            continue
+        run = simulate(osc, begin, phase, cycles, method="auto", rtol=1e-10, record=("events",))
+        assert missed_crossings(run) <= 1, describe(seed)
 
 
 def test_the_search_for_missed_crossings_finds_one():
