@@ -16,6 +16,7 @@ follows can be compared; the verdict says how far it came and why it ended.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -86,10 +87,10 @@ def with_pile_ups_ended(table, osc):
 def changed_data(osc, start, change=CHANGE):
     """Oscillator and start whose force, curve, place and speed are changed by a part of their size.
 
-    Not all the same way: angles and force that grow alike leave every time as it is. Where the
+    Not all the same way: a force and a curve that grow alike leave every time as it is. Where the
     coast flank stands still the curve is left alone: a start may lie on that flank.
     """
-    osc = replace(osc, force=osc.force + change * osc.angle_scale,
+    osc = replace(osc, force=osc.force + math.copysign(change * osc.angle_scale, osc.force),
                   gear_ratio=osc.gear_ratio * (1 - change * osc.back_flank_te))
     if isinstance(start, str):
         return osc, start
