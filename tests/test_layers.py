@@ -175,6 +175,7 @@ PYTHON_LAYERS = [
     {"oscillator"},
     {"gear_pair"},
     {"linear_response"},
+    {"rigid_contact"},
     {"deck"},
     {"engine"},
     {"studies"},
