@@ -180,6 +180,7 @@ PYTHON_LAYERS = [
     {"engine"},
     {"studies"},
     {"summary_sweep"},
+    {"summary_critical"},
     {"results", "summary"},
     {"plots"},
     {"run", "progress"},

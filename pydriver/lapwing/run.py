@@ -8,6 +8,7 @@ from pathlib import Path
 from lapwing import __version__
 from lapwing.codes import Status
 from lapwing.deck import DeckError, changed_keys, load_deck, used_hash, used_text
+from lapwing.deck.schema import SPEEDS
 from lapwing.deck.used import stored_hash
 
 RESULT_FILE = "result.nc"
@@ -43,8 +44,8 @@ def run_deck(deck, parent, *, threads, force=False, progress=None):
     """Run a deck into `parent`/<deck>.
 
     1. Results of the same values are used again; others are refused unless `force`.
-    2. Responses, then sweeps; an interruption keeps the studies that are finished, and the
-       points of a sweep that are.
+    2. Responses, critical values, sweeps; an interruption keeps the studies that are finished, and
+       the points of a sweep that are.
     3. Result file, figures and summary, then `used.nml`, whose presence says that all is there.
 
     Parameters
@@ -69,13 +70,13 @@ def run_deck(deck, parent, *, threads, force=False, progress=None):
         return Outcome(folder, reused=True)
     _clear(folder)
     report = progress.study if progress else (lambda *_: (lambda _: None))
-    responses, sweeps, interrupted = _studies(deck, threads, report)
-    _write(deck, folder, responses, sweeps)
+    responses, criticals, sweeps, interrupted = _studies(deck, threads, report)
+    _write(deck, folder, responses, criticals, sweeps)
     _draw(folder, report)
     if not interrupted:
         (folder / USED_DECK).write_text(used_text(deck, folder), encoding="utf-8")
-    return Outcome(folder, interrupted=interrupted, failed=_failed(responses, sweeps),
-                   headlines=_headlines(responses, sweeps))
+    return Outcome(folder, interrupted=interrupted, failed=_failed(responses, criticals, sweeps),
+                   headlines=_headlines(responses, criticals, sweeps))
 
 
 def _reusable(deck, folder, force):
@@ -109,22 +110,26 @@ def _clear(folder):
 
 
 def _studies(deck, threads, report):
-    """Responses and sweeps, as far as the user lets them."""
-    responses, sweeps = [], {}
+    """Responses, critical values and sweeps, as far as the user lets them."""
+    responses, criticals, sweeps = [], {}, {}
     try:
         for order, response in enumerate(deck.responses):
             done = report(f"response {response.name}", 1, "response")
             responses.append(_response(deck, response, order))
+            done(1.0)
+        for critical in deck.criticals:
+            done = report(f"critical {critical.name}", 100, "%")
+            criticals[critical.name] = critical_study(deck, critical, threads, done)
             done(1.0)
         for sweep in deck.sweeps:
             points = len(sweep.values) * len(sweep.starts)
             done = report(f"sweep {sweep.name}", points, "points")
             sweeps[sweep.name] = _sweep(deck, sweep, threads, done)
             if sweeps[sweep.name].attrs["interrupted"]:
-                return responses, sweeps, True
+                return responses, criticals, sweeps, True
     except KeyboardInterrupt:
-        return responses, sweeps, True
-    return responses, sweeps, False
+        return responses, criticals, sweeps, True
+    return responses, criticals, sweeps, False
 
 
 def _response(deck, study, order):
@@ -152,14 +157,49 @@ def _sweep(deck, study, threads, done):
         keep_interrupted=True, **deck.numerics_of(study), **study.operation)
 
 
-def _write(deck, folder, responses, sweeps):
+def critical_study(deck, study, threads, done=None):
+    """One critical value of a deck.
+
+    Parameters
+    ----------
+    deck : lapwing.deck.Deck
+    study : lapwing.deck.Critical
+    threads : int
+    done : callable(fraction) or None
+
+    Returns
+    -------
+    xarray.Dataset, from `lapwing.critical_full` and the like, and whether the study sets its own
+    operation (attribute `own_operation`)
+    """
+    from lapwing.engine import Numerics
+    from lapwing.studies import critical as search
+
+    options = {"parameter": study.parameter, "values": study.values, "safe_end": study.safe_end,
+               **study.operation}
+    if study.starts is not None:
+        options |= {"starts": search.StartGrid(*study.starts), "settle": study.settle_cycles,
+                    "record": study.record_cycles, "phase": deck.numerics["start_phase"],
+                    "numerics": Numerics(**deck.numerics_of(study)), "threads": threads,
+                    "progress": done}
+    if study.find == "safe":
+        options |= {"resolution": study.resolution, "further": study.further_values}
+    elif study.find == "back":
+        options["confidence"] = study.confidence
+    find = {"full": search.critical_full, "safe": search.critical_safe,
+            "back": search.critical_back, "on": search.critical_on}[study.find]
+    return find(deck.gear_pair, deck.te, **options).assign_attrs(
+        own_operation=int(study.own_operation))
+
+
+def _write(deck, folder, responses, criticals, sweeps):
     from lapwing.results import write_results
 
     write_results(
         folder / RESULT_FILE, deck_name=deck.stem, deck_text=deck.text,
         used_text=used_text(deck, folder), used_hash=used_hash(deck), pair=deck.gear_pair,
         te=deck.te, osc=_reference_oscillator(deck), responses=responses, sweeps=sweeps,
-        te_source=_te_source(deck))
+        criticals=criticals, te_source=_te_source(deck))
 
 
 def _te_source(deck):
@@ -171,11 +211,11 @@ def _te_source(deck):
 def _reference_oscillator(deck):
     """The deck's operating point; what it leaves to its studies is taken from the first."""
     operation = dict(deck.operation)
-    if deck.responses:
-        operation = {**deck.responses[0].operation, **operation}
-    elif deck.sweeps and deck.sweeps[0].group == "operation":
-        first = deck.sweeps[0]
-        operation = {**operation, **first.operation, first.parameter: float(first.values[0])}
+    if not operation.keys() & set(SPEEDS):
+        first = (*deck.responses, *deck.sweeps, *deck.criticals)[0]
+        operation |= first.operation
+        if getattr(first, "group", None) == "operation":
+            operation[first.parameter] = 1.0 if first.values is None else float(first.values[0])
     operation.setdefault("brake_torque", 1.0)
     return deck.gear_pair.oscillator(deck.te, **operation)
 
@@ -193,10 +233,14 @@ def _draw(folder, report):
     (folder / SUMMARY).write_text(summary, encoding="utf-8")
 
 
-def _failed(responses, sweeps):
+def _failed(responses, criticals, sweeps):
     """Names of the studies with a run that failed numerically."""
     failed = [f"response {response.attrs['name']}" for response in responses
               if int(response.attrs["status"]) != Status.OK]
+    for name, critical in criticals.items():
+        runs = int(critical["trial_failed"].sum()) if "trial_failed" in critical else 0
+        if runs:
+            failed.append(f"critical {name} ({runs} motions)")
     for name, sweep in sweeps.items():
         points = int(((sweep["status"] != Status.OK)
                       & (sweep["status"] != Status.UNFINISHED)).sum())
@@ -205,9 +249,11 @@ def _failed(responses, sweeps):
     return tuple(failed)
 
 
-def _headlines(responses, sweeps):
+def _headlines(responses, criticals, sweeps):
     """One line for each study."""
-    lines = []
+    from lapwing.summary_critical import headline
+
+    lines = [f"{name}: {headline(critical)}" for name, critical in criticals.items()]
     for response in responses:
         attrs = response.attrs
         lines.append(f"{attrs['name']}: {attrs['motion_class']}, "

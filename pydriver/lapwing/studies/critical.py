@@ -12,8 +12,8 @@ import numpy as np
 
 from lapwing.engine import Numerics
 from lapwing.linear_response import critical_force
-from lapwing.rigid_contact import lift_off_force
-from lapwing.studies.critical_safe import SafeSearch, Stage, Trial
+from lapwing.rigid_contact import LiftOff, lift_off_force
+from lapwing.studies.critical_safe import SafeSearch, Trial
 from lapwing.studies.critical_starts import StartGrid, follow, start_grid
 from lapwing.studies.sweep import PARAMETER_UNITS, oscillator_at
 from lapwing.threads import default_threads
@@ -23,6 +23,8 @@ SAFE_ENDS = ("high", "low")
 # In these F is linear, and what it is compared with does not depend on them.
 TORQUES = ("brake_torque", "drive_torque")
 SWEEP_RTOL = 1e-6
+# Why no value is found, besides the reasons of `LiftOff`.
+RESONANCE = "resonance"
 
 
 def critical_full(pair, te, *, parameter="brake_torque", values=None, safe_end="high",
@@ -47,8 +49,8 @@ def critical_full(pair, te, *, parameter="brake_torque", values=None, safe_end="
     -------
     xarray.Dataset without variables for a torque, else over `trial`: trial_value and trial_margin
     (F - F_crit, rad). Attributes: find, parameter, outcome ('found', 'safe_throughout',
-    'unsafe_throughout'), estimate, bar (of the parameter; a bar of 0 is rounding), phase (mesh
-    periods, where contact is lost first).
+    'unsafe_throughout', 'resonance': undamped, no engaged response exists), estimate, bar (of the
+    parameter; a bar of 0 is rounding), phase (mesh periods, where contact is lost first).
 
     Raises
     ------
@@ -95,7 +97,7 @@ def critical_safe(pair, te, *, parameter="brake_torque", values, safe_end="high"
 
     Returns
     -------
-    xarray.Dataset over `trial`, in the order tried: trial_value, trial_stage (`Stage`),
+    xarray.Dataset over `trial`, in the order tried: trial_value, trial_stage (`SearchStage`),
     trial_starts, trial_rattling, trial_failed (numbers of motions; a failed one counts as
     rattling). Attributes: find, parameter, outcome ('found', 'safe_throughout',
     'unsafe_throughout'), rattling and clean (ends of the bracket), estimate (its middle), bar
@@ -226,12 +228,12 @@ def _of_force(find, criterion, pair, te, parameter, values, safe_end, operation)
     if parameter in TORQUES:
         rest, unit = at(0.0), at(1.0)
         _check_law(find, rest)
-        found = criterion(rest)
-        outcome = getattr(found, "reason", "") or "found"
-        value = (found.force - rest.force) / (unit.force - rest.force)
+        needed = _needed(criterion, rest)
+        outcome = needed.reason or "found"
+        value = (needed.force - rest.force) / (unit.force - rest.force)
         known = outcome == "found"
         return _dataset(find, parameter, outcome, value if known else math.nan,
-                        0.0 if known else math.nan, phase=found.phase)
+                        0.0 if known else math.nan, phase=needed.phase)
     if values is None:
         raise ValueError(f"critical: parameter = {parameter!r} is no torque; values to search are "
                          "meant")
@@ -246,7 +248,7 @@ def _along(find, criterion, at, parameter, values, safe_end):
 
     def margin(value):
         osc = at(float(value))
-        return osc.force - criterion(osc).force
+        return osc.force - _needed(criterion, osc).force
 
     margins, previous = [], math.nan
     for value in values:
@@ -256,15 +258,23 @@ def _along(find, criterion, at, parameter, values, safe_end):
         previous = value
     outcome = "safe_throughout" if margins[-1] > 0 else \
         "unsafe_throughout" if math.isnan(previous) else "found"
-    estimate, lost = math.nan, criterion(at(float(values[len(margins) - 1])))
-    if getattr(lost, "reason", ""):
+    estimate, lost = math.nan, _needed(criterion, at(float(values[len(margins) - 1])))
+    if lost.reason:
         outcome = lost.reason
     elif outcome == "found":
         estimate = brentq(margin, value, previous, xtol=1e-300, rtol=4 * np.finfo(float).eps)
-        lost = criterion(at(estimate))
+        lost = _needed(criterion, at(estimate))
     return _dataset(find, parameter, outcome, estimate, 0.0 if outcome == "found" else math.nan,
                     {"trial_value": values[:len(margins)], "trial_margin": margins},
                     phase=lost.phase, **_scan(values, safe_end))
+
+
+def _needed(criterion, osc):
+    """Force asked for, as a `LiftOff`; infinite at an undamped resonance, which grows for ever."""
+    try:
+        return LiftOff(*criterion(osc))
+    except ValueError:
+        return LiftOff(math.inf, math.nan, RESONANCE)
 
 
 def _check_law(find, osc):
@@ -320,4 +330,4 @@ def _dataset(find, parameter, outcome, estimate, bar, variables=None, **attrs):
         "outcome": outcome, "estimate": estimate, "bar": bar, **attrs})
 
 
-__all__ = ["Stage", "StartGrid", "critical_back", "critical_full", "critical_on", "critical_safe"]
+__all__ = ["StartGrid", "critical_back", "critical_full", "critical_on", "critical_safe"]

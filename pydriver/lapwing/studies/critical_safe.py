@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 
+from lapwing.codes import SearchStage
 from lapwing.studies.critical_starts import fitted, follow, start_grid
 
 # Of the motions that rattle at one value so many, evenly picked, are carried to the next.
@@ -17,21 +17,11 @@ CARRIED = 24
 PATIENCE = 10
 
 
-class Stage(IntEnum):
-    """Why a value was tried."""
-
-    SCAN = 0
-    BISECTION = 1
-    CARRIED = 2
-    CONFIRMATION = 3
-    FURTHER = 4
-
-
 class Trial(NamedTuple):
     """One value tried: how many motions were followed, rattled, failed."""
 
     value: float
-    stage: Stage
+    stage: SearchStage
     starts: int
     rattling: int
     failed: int
@@ -79,7 +69,7 @@ class SafeSearch:
         for i, value in enumerate(map(float, values)):
             if self.progress is not None:
                 self.progress(i / len(values))
-            unsafe, states = self._try(value, Stage.SCAN)
+            unsafe, states = self._try(value, SearchStage.SCAN)
             if unsafe:
                 rattling, beyond = value, values[i + 1:i + 1 + further]
                 break
@@ -88,9 +78,9 @@ class SafeSearch:
             rattling, clean, states = self._halve(rattling, clean, states)
             rattling, clean, states = self._raise(rattling, clean, states, float(values[0]))
         if states:
-            self._try(rattling, Stage.CONFIRMATION, states, only=True, times=PATIENCE)
+            self._try(rattling, SearchStage.CONFIRMATION, states, only=True, times=PATIENCE)
         for value in beyond:
-            self._try(float(value), Stage.FURTHER)
+            self._try(float(value), SearchStage.FURTHER)
         return rattling, clean
 
     def _halve(self, rattling, clean, states):
@@ -98,7 +88,7 @@ class SafeSearch:
             middle = 0.5 * (rattling + clean)
             if middle in (rattling, clean):
                 break
-            unsafe, found = self._try(middle, Stage.BISECTION, states)
+            unsafe, found = self._try(middle, SearchStage.BISECTION, states)
             if unsafe:
                 rattling, states = middle, found
             else:
@@ -109,7 +99,7 @@ class SafeSearch:
         """Carry what rattles towards the safe end until nothing of it survives a step."""
         step = math.copysign(2 * self.resolution, clean - rattling)
         while True:
-            unsafe, found = self._try(clean, Stage.CARRIED, states)
+            unsafe, found = self._try(clean, SearchStage.CARRIED, states)
             if not unsafe:
                 return rattling, clean, states
             rattling, states = clean, found
