@@ -224,3 +224,43 @@ def test_interruption_keeps_what_is_finished(tmp_path):
     with read_results(folder / "result.nc") as results:
         assert tuple(results.responses) == ("one",)
         assert (results.sweep("torque").status.values == 5).any()
+
+
+CRITICAL = """&critical name = 'T_full', find = 'full' /
+&critical name = 'T_safe', find = 'safe', from = 8, to = 8.5, count = 2, start_phases = 1,
+  start_positions = 1, start_speeds = 1, settle_cycles = 30, record_cycles = 8 /
+"""
+
+
+def test_critical_prints_and_writes_nothing(tmp_path):
+    deck = write_deck(tmp_path)
+    assert call("critical", deck).exit_code == BAD_INPUT  # no &critical in it
+    deck.write_text(deck.read_text() + CRITICAL, encoding="utf-8")
+    result = call("critical", deck, "--threads", 1)
+    assert result.exit_code == OK, result.output
+    found = re.search(r"\*\*T_full = ([0-9.]+) N·m\*\*", result.output)
+    assert 0 < float(found[1]) < 8
+    assert "**none between 8.5 and 8 N·m**: no motion rattles" in result.output
+    assert [path.name for path in tmp_path.iterdir()] == ["small.nml"]
+
+
+def test_critical_values_of_a_run(tmp_path, no_figures):
+    deck = write_deck(tmp_path)
+    deck.write_text(deck.read_text() + CRITICAL, encoding="utf-8")
+    result = call("run", deck, "--out", tmp_path / "out", "--threads", 1)
+    assert result.exit_code == OK and "T_full: complete engagement: T_full = " in result.output
+    assert "2 critical values" in call("check", deck).output
+    with read_results(tmp_path / "out" / "small" / "result.nc") as results:
+        assert results.criticals == ("T_full", "T_safe")
+        assert results.critical("T_safe").attrs["outcome"] == "safe_throughout"
+    summary = (tmp_path / "out" / "small" / "summary.md").read_text(encoding="utf-8")
+    assert summary.index("## Critical values") < summary.index("## Sweep torque")
+    again = call("run", deck, "--out", tmp_path / "out", "--set", "critical.T_safe.count=3")
+    assert again.exit_code == BAD_INPUT and "critical.T_safe.values" in again.output
+
+
+def test_failed_motions_of_a_search_are_reported(tmp_path):
+    deck = write_deck(tmp_path, events=1)
+    deck.write_text(deck.read_text() + CRITICAL, encoding="utf-8")
+    result = call("critical", deck, "--set", "critical.T_safe.from=1", "--threads", 1)
+    assert result.exit_code == FAILED

@@ -1,7 +1,8 @@
 """The result file: everything a run found, in one netCDF-4 file with one group per thing.
 
 Groups `gear_pair`, `transmission_error`, `response_<name>`, `sweep_<name>` and `critical_<name>`;
-provenance and the deck at the root.  Figures and summary are made from the file alone: nothing here needs the engine.
+provenance and the deck at the root.  Figures and summary are made from the file alone: nothing here
+needs the engine.
 """
 
 from __future__ import annotations

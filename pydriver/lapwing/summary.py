@@ -8,7 +8,8 @@ import numpy as np
 
 from lapwing.codes import MotionState
 from lapwing.summary_critical import critical_text
-from lapwing.summary_sweep import markdown, plural, sweep_text
+from lapwing.summary_sweep import sweep_text
+from lapwing.summary_words import markdown, plural
 
 # A change between the halves of the record below this part of the number, or of its error, is
 # rounding or chance and is not reported as a transient.

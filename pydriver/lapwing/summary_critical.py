@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from lapwing.codes import SearchStage
-from lapwing.summary_sweep import UNITS, markdown, plural
+from lapwing.summary_words import UNITS, markdown, plural
 
 SYMBOLS = {"full": "T_full", "safe": "T_safe", "back": "T_back", "on": "T_on"}
 MEANINGS = {"full": "complete engagement", "safe": "no rattling survives",
@@ -35,7 +35,7 @@ def critical_text(criticals):
               *_cells(one)) for one in criticals]
     lines = [*markdown(rows), ""]
     for one in criticals:
-        lines += [f"- **{one.attrs['name']}** {_sentences(one)}"]
+        lines += [f"- `{one.attrs['name']}`: {_sentences(one)}"]
     return [*lines, *_together(criticals)]
 
 
@@ -88,17 +88,17 @@ def _name(critical):
     attrs = critical.attrs
     if attrs["parameter"] == "brake_torque":
         return SYMBOLS[attrs["find"]] + " ="
-    return attrs["parameter"].replace("_", " ")
+    return attrs["parameter"].replace("_", " ") + " ="
 
 
 def _with_unit(critical, value):
     return f"{value:.10g} {_unit(critical)}".rstrip()
 
 
-def _side(critical, away="above"):
-    """'above', or 'below' where the low end is the safe one; `away` names the unsafe side."""
-    high = critical.attrs["safe_end"] == "high"
-    return "above" if high == (away == "above") else "below"
+def _sides(critical):
+    """On which side of a value it is safe, and on which not."""
+    return ("above", "below") if critical.attrs.get("safe_end", "high") == "high" \
+        else ("below", "above")
 
 
 def _sentences(critical):
@@ -117,10 +117,11 @@ def _full(critical):
                            "the engaged motion loses contact")
     how = "closed form" if "scan_from" not in attrs else \
         f"scan of {attrs['scan_values']} values from {attrs['scan_from']:g}, then solved"
-    side = "from there on" if attrs.get("safe_end", "high") == "high" else "up to there"
+    side, other = _sides(critical)
     return (f"**{_name(critical)} {attrs['estimate']:.12g} {_unit(critical)}** ({how}, to "
-            f"rounding): {side} the engaged motion keeps contact; beyond, it is lost first at mesh "
-            f"phase {attrs['phase']:.9f}. Nothing is said of other motions beside it.")
+            f"rounding): {side} it the engaged motion keeps contact; just {other} it, contact is "
+            f"lost first at mesh phase {attrs['phase']:.9f}. Nothing is said of other motions "
+            "beside it.")
 
 
 def _on(critical):
@@ -131,19 +132,20 @@ def _on(critical):
     if attrs["outcome"] != "found":
         return _throughout(critical, "a rigid tooth stays on the flank",
                            "a rigid tooth leaves the flank")
+    side, other = _sides(critical)
     return (f"**{_name(critical)} {attrs['estimate']:.12g} {_unit(critical)}** (F = max g'', to "
-            "rounding): a rigid tooth that rests on the drive flank stays there "
-            f"{'from there on' if attrs.get('safe_end', 'high') == 'high' else 'up to there'}; "
-            f"beyond, it leaves first at mesh phase {attrs['phase']:.9f}. Bouncing may exist "
-            "beside it.")
+            f"rounding): {side} it a rigid tooth that rests on the drive flank stays there; just "
+            f"{other} it, the tooth leaves first at mesh phase {attrs['phase']:.9f}. Bouncing may "
+            "exist beside it.")
 
 
 def _throughout(critical, good, bad):
     """A search whose range holds no change."""
     attrs = critical.attrs
     if attrs["outcome"] == "safe_throughout":
-        return (f"**none between {attrs['scan_from']:g} and {_with_unit(critical, attrs['scan_to'])}"
-                f"**: {good} at all {attrs['scan_values']} values tried.")
+        end = _with_unit(critical, attrs["scan_to"])
+        return (f"**none between {attrs['scan_from']:g} and {end}**: {good} at all "
+                f"{attrs['scan_values']} values tried.")
     return (f"**beyond {_with_unit(critical, attrs['scan_from'])}**: already at this value, the "
             f"safe end of the search, {bad}; begin farther out.")
 
@@ -163,7 +165,7 @@ def _safe(critical):
     scanned = critical["trial_value"].values[critical["trial_stage"].values == SearchStage.SCAN]
     beyond = int(np.sum((scanned - first) * (first - last) > 0))
     value, bar = decimals(attrs["estimate"], attrs["bar"])
-    others = f" and at the {plural(beyond, 'value')} tried {_side(critical)} it, up to " \
+    others = f" and at the {plural(beyond, 'value')} tried {_sides(critical)[0]} it, as far as " \
              f"{attrs['scan_from']:g}," if beyond else ""
     return (f"**{_name(critical)} {value} ± {bar} {_unit(critical)}**: at "
             f"{_with_unit(critical, last)} {at_last['rattling']} of {at_last['starts']} motions "
@@ -201,11 +203,12 @@ def _further(critical):
         critical["trial_stage"].values == SearchStage.FURTHER))
     if not further.sizes["trial"]:
         return ""
+    side = _sides(critical)[1]
     quiet = further["trial_value"].values[further["trial_rattling"].values == 0]
     if not quiet.size:
-        return (f" Of {plural(further.sizes['trial'], 'value')} tried beyond, every one rattles "
-                "from some start.")
-    return (" Beyond the first rattling value, none rattles at "
+        return (f" At each of the next {further.sizes['trial']} values tried, {side} the bracket, "
+                "some motion rattles.")
+    return (f" {side.capitalize()} the bracket none rattles at "
             + ", ".join(f"{value:g}" for value in quiet) + ": not one threshold.")
 
 
@@ -224,9 +227,9 @@ def _back(critical):
     at = int(np.flatnonzero(critical["trial_value"].values == attrs["last_seen"])[0])
     seen, cycles = (int(critical[f"trial_{key}"].values[at]) for key in ("back_cycles", "cycles"))
     return (f"**last back impact seen at {_with_unit(critical, attrs['last_seen'])}** ({seen:,} of "
-            f"{cycles:,} mesh cycles); none at {_with_unit(critical, attrs['first_clean'])} nor at "
-            f"any other of the {plural(attrs['clean_values'], 'value')} up to "
-            f"{attrs['clean_end']:g}, {attrs['clean_cycles']:,} cycles in all. "
+            f"{cycles:,} mesh cycles); none at the {plural(attrs['clean_values'], 'value')} from "
+            f"{attrs['first_clean']:g} to {attrs['clean_end']:g}, {attrs['clean_cycles']:,} "
+            "cycles in all. "
             + _bound(critical) + _bands(critical) + " " + _failures(critical) + looked)
 
 

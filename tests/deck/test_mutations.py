@@ -24,9 +24,9 @@ PIECES = [
     "0", "0,5", "1.5", "1e", "1e5", "12345678901234567890", "9" * 5000, "Nm", " N·m", "1_8", "0x10",
     "−1", "١", ".true.", ".F.", "T", "true", "'rest'", "'up'", "''", "(1)", "%x", "\ufeff", "\0",
     "\u00a0", "\u2028", "\x1c", "é", "&sweep", "&response name = 'z' /", "&gear_pair", "name = 'q'",
-    "values = 1 2 3", "from", "find = 'on'", "brake_torque = ", "rtol = 1e-3", "file = 'te.csv'", "file = '.'",
+    "values = 1 2 3", "from", "brake_torque = ", "rtol = 1e-3", "file = 'te.csv'", "file = '.'",
     "te_sign = 'geometric'", "start = 'separation'", "contact_law = 'rigid'", "T_l", "gap =",
-    "back_flank_te = F", "parameter = 'backlash'", "count = 2", "spacing = 'log'"]
+    "find = 'on'", "back_flank_te = F", "parameter = 'backlash'", "count = 2", "spacing = 'log'"]
 EDITS = st.lists(st.tuples(
     st.sampled_from(["insert", "delete", "replace", "repeat_line", "drop_line", "swap_case"]),
     st.floats(0, 1), st.integers(1, 12), st.one_of(st.sampled_from(PIECES), st.text(max_size=4))),

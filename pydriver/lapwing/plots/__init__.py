@@ -10,6 +10,7 @@ import numpy as np
 FORMATS = ("png", "pdf")
 # Modules of this package with a `draw` each, by what they are drawn from.
 SWEEP_FIGURES = ("orbit_diagram", "deepest_separation")
+CRITICAL_FIGURE = "critical_search"
 RESPONSE_FIGURES = ("history", "phase_portrait", "impact_section", "spectrum")
 TE_FIGURE = "te_curve"
 
@@ -20,7 +21,8 @@ def draw_all(results, folder, *, formats=FORMATS, progress=None):
     Parameters
     ----------
     results : lapwing.results.Results, or an object with its `attrs`, `gear_pair`, `responses`,
-        `sweeps`, `response(name)`, `sweep(name)` and `transmission_error`
+        `sweeps`, `criticals`, `response(name)`, `sweep(name)`, `critical(name)` and
+        `transmission_error`
     folder : str or Path, made if it is missing
     formats : of 'png' and 'pdf'
     progress : callable(fraction done) or None
@@ -28,7 +30,8 @@ def draw_all(results, folder, *, formats=FORMATS, progress=None):
     Returns
     -------
     list of Path
-        What was written: `te_curve`, `<figure>_<sweep>`, `<figure>_<response>`, in each format.
+        What was written: `te_curve`, `<figure>_<sweep>`, `<figure>_<response>`,
+        `critical_search_<critical>`, in each format.
     """
     from lapwing.plots.style import save
 
@@ -53,7 +56,12 @@ def _tasks(results):
     for name in results.sweeps:
         for module in SWEEP_FIGURES:
             yield (f"{module}_{name}", module, lambda name=name: results.sweep(name),
-                   {"title": _sweep_title(deck, name, module), "claims": _claims(results, name)})
+                   {"title": _sweep_title(deck, name, module), "claims": _claims(results, name),
+                    "marks": _marks(results, name)})
+    for name in results.criticals:
+        if "trial" in results.critical(name).dims:  # a closed form has nothing to show
+            yield (f"{CRITICAL_FIGURE}_{name}", CRITICAL_FIGURE,
+                   lambda name=name: results.critical(name), {})
     for name in results.responses:
         for module in RESPONSE_FIGURES:
             yield f"{module}_{name}", module, lambda name=name: results.response(name), {}
@@ -62,6 +70,15 @@ def _tasks(results):
 
 def _sweep_title(deck, name, module):
     return f"{deck}, sweep '{name}': {module.replace('_', ' ')}"
+
+
+def _marks(results, name):
+    """Critical values along the parameter of a sweep."""
+    from lapwing.plots.critical_marks import marks_of
+    from lapwing.plots.sweep_parts import parameter_of
+
+    return marks_of([results.critical(one) for one in results.criticals],
+                    parameter_of(results.sweep(name)))
 
 
 def _claims(results, name):
