@@ -281,7 +281,8 @@ def test_a_grid_of_starts_is_checked():
 @pytest.mark.full
 def test_the_shipped_deck():
     deck = load_deck(ROOT / "inputs" / "critical_25x32.nml")
-    full, safe, back = (critical_study(deck, study, 2) for study in deck.criticals)
+    full, speed, safe, back = (critical_study(deck, study, 2) for study in deck.criticals)
+    assert 240 < speed.estimate < 241
     assert full.estimate == pytest.approx(11.91674543671654, rel=1e-12)
     assert safe.estimate == pytest.approx(12.4, abs=0.1) and safe.bar <= 0.05
     assert back.last_seen == pytest.approx(0.82, abs=0.02) and back.bar <= 0.02 + 1e-12
