@@ -60,6 +60,11 @@ def test_two_kinds_of_motion_beside_each_other(full, safe):
     assert "Between" not in text(full.assign_attrs(own_operation=1), safe)
 
 
+def test_no_motion_but_engagement(full, safe):
+    assert "agrees with T_full within its bar" in text(
+        full, safe.assign_attrs(estimate=full.estimate + 0.004, bar=0.005))
+
+
 def test_the_last_back_impact(back):
     said = text(back)
     assert "**last back impact seen at 0.7 N·m**" in said
@@ -96,7 +101,7 @@ def test_ends_of_the_range():
     assert "**none between 13.5 and 13 N·m**: no motion rattles at all 2 values" in text(above)
     below = lapwing.critical_safe(PAIR, SHIPPED, values=[11, 11.5], **SMALL)
     assert "**beyond 11.5 N·m**: already at this value" in text(below)
-    assert headline(below) == "no rattling survives: T_safe = beyond 11.5"
+    assert headline(below) == "no rattling survives: T_safe beyond 11.5"
 
 
 @pytest.mark.parametrize(("amplitude", "words"), [

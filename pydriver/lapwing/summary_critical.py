@@ -53,7 +53,7 @@ def headline(critical):
     value, bar = _cells(critical)
     text = f"{MEANINGS[critical.attrs['find']]}: {_name(critical)} {value}"
     if critical.attrs["outcome"] != "found":
-        return text
+        return text.replace(" =", "")
     return f"{text}{f' ± {bar}' if bar[0].isdigit() else ''} {_unit(critical)}".rstrip()
 
 
@@ -172,7 +172,7 @@ def _safe(critical):
             f"still rattle, at {_with_unit(critical, first)}{others} none. "
             + _failures(trials) + _confirmation(critical) +
             f"Rattling motions were carried on in steps of {2 * attrs['resolution']:.3g} "
-            f"{_unit(critical)} or less until none survived. " + looked + _further(critical))
+            f"{_unit(critical)} or less until none survived. " + _further(critical) + looked)
 
 
 def _worst(trials, value):
@@ -198,18 +198,21 @@ def _confirmation(critical):
 
 
 def _further(critical):
-    """Whether values beyond the first rattling one rattle, too."""
+    """What rattles at the values tried beyond the first rattling one."""
     further = critical.isel(trial=np.flatnonzero(
         critical["trial_stage"].values == SearchStage.FURTHER))
-    if not further.sizes["trial"]:
+    count = further.sizes["trial"]
+    if not count:
         return ""
     side = _sides(critical)[1]
     quiet = further["trial_value"].values[further["trial_rattling"].values == 0]
+    carried = "and motions found there were carried back to it"
     if not quiet.size:
-        return (f" At each of the next {further.sizes['trial']} values tried, {side} the bracket, "
-                "some motion rattles.")
-    return (f" {side.capitalize()} the bracket none rattles at "
-            + ", ".join(f"{value:g}" for value in quiet) + ": not one threshold.")
+        return (f"At each of the {plural(count, 'value')} tried {side} the bracket some motion "
+                f"rattles, {carried}. ")
+    return (f"Of the {plural(count, 'value')} tried {side} the bracket none rattles at "
+            + ", ".join(f"{value:g}" for value in np.sort(quiet))
+            + f": not one threshold. At the others some motion rattles, {carried}. ")
 
 
 def _back(critical):
@@ -263,11 +266,16 @@ def _bands(critical):
 
 def _together(criticals):
     """What T_full and T_safe say together."""
-    found = {one.attrs["find"]: one.attrs["estimate"] for one in criticals
+    found = {one.attrs["find"]: one.attrs for one in criticals
              if one.attrs["parameter"] == "brake_torque" and one.attrs["outcome"] == "found"
              and not one.attrs.get("own_operation", 0)}
-    if not {"full", "safe"} <= found.keys() or not found["safe"] > found["full"]:
+    if not {"full", "safe"} <= found.keys():
         return []
-    return ["", f"Between {found['full']:.4g} and {found['safe']:.4g} N·m engaged and rattling "
-            "motions exist side by side: the start decides, and a disturbance may start the "
-            "rattling."]
+    full, safe = found["full"]["estimate"], found["safe"]
+    if abs(safe["estimate"] - full) <= safe["bar"]:
+        return ["", "T_safe agrees with T_full within its bar: above it nothing but engagement was "
+                "found."]
+    if safe["estimate"] < full:
+        return []
+    return ["", f"Between {full:.4g} and {safe['estimate']:.4g} N·m engaged and rattling motions "
+            "exist side by side: the start decides, and a disturbance may start the rattling."]

@@ -136,7 +136,8 @@ def test_the_search_is_as_stated(safe):
     halved = value[stage == SearchStage.BISECTION]
     assert np.all((halved > scan[-1]) & (halved < scan[-2]))
     carried = stage == SearchStage.CARRIED
-    assert value[carried][-1] == safe.clean and rattling[carried][-1] == 0
+    # From the further value to the last rattling one, and on to the clean one.
+    assert value[carried].tolist() == [safe.rattling, safe.clean] and rattling[carried][-1] == 0
     assert value[stage == SearchStage.CONFIRMATION].tolist() == [safe.rattling]
     assert value[stage == SearchStage.FURTHER].tolist() == [scan[-1] - 0.25]
     assert np.all(safe.trial_starts[stage == SearchStage.SCAN] == safe.n_starts)
@@ -181,12 +182,12 @@ class Imagined:
         return Fates(np.array(alive), np.zeros(len(alive), int), np.zeros(len(alive), bool),
                      [value] * len(starts))
 
-    def search(self, values, resolution, monkeypatch):
+    def search(self, values, resolution, monkeypatch, further=0):
         monkeypatch.setattr(safe_module, "follow", self.follow)
         monkeypatch.setattr(safe_module, "start_grid", lambda *_: ["grid"])
         monkeypatch.setattr(safe_module, "fitted", lambda _, start: start)
         search = SafeSearch(lambda value: value, None, 0.0, 1, 1, resolution, None, 1)
-        return search.run(values, 0)
+        return search.run(values, further)
 
 
 @pytest.mark.parametrize("born", [0.5, 1.03, 2.0])
@@ -196,6 +197,25 @@ def test_motions_that_only_survive_small_steps_are_followed_up(born, longer, mon
     motion = Imagined(born, born + longer, stride=0.03)
     rattling, clean = motion.search(np.arange(4, -0.1, -0.25), 0.01, monkeypatch)
     assert rattling < motion.dies <= clean and 0 < clean - rattling <= 0.02 + 1e-12
+
+
+class Hidden(Imagined):
+    """Beside motions that end at `born`, others born only far below, which survive much longer."""
+
+    def follow(self, oscillators, starts, settle, record, **_):
+        value = oscillators[0]
+        far = [value < 0.3 or (start != "grid" and start[1] and value < self.dies
+                               and value - start[0] < self.stride) for start in starts]
+        alive = [one or value < self.born for one in far]
+        return Fates(np.array(alive), np.zeros(len(alive), int), np.zeros(len(alive), bool),
+                     [(value, one) for one in far])
+
+
+@pytest.mark.parametrize(("further", "end"), [(0, 1.03), (4, 2.21)])
+def test_motions_found_far_beyond_are_carried_back(further, end, monkeypatch):
+    motion = Hidden(1.03, 2.21, stride=0.27)
+    rattling, clean = motion.search(np.arange(4, -0.1, -0.25), 0.01, monkeypatch, further)
+    assert rattling < end <= clean and 0 < clean - rattling <= 0.02 + 1e-12
 
 
 def test_motions_carried_beyond_the_range(monkeypatch):

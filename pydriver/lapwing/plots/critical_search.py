@@ -12,9 +12,9 @@ from lapwing.plots.sweep_parts import AXIS_LABELS
 LOOKS = {
     SearchStage.SCAN: {"marker": "o", "color": style.BLUE, "label": "scan, from the safe end"},
     SearchStage.BISECTION: {"marker": "s", "color": style.ORANGE, "label": "bisection"},
-    SearchStage.CARRIED: {"marker": "^", "color": style.VERMILION, "label": "carried to the last "
-                          "clean value"},
-    SearchStage.FURTHER: {"marker": "o", "color": style.SKY, "label": "beyond, for the record"},
+    SearchStage.CARRIED: {"marker": "^", "color": style.VERMILION, "label": "only motions carried "
+                          "from the unsafe side"},
+    SearchStage.FURTHER: {"marker": "o", "color": style.SKY, "label": "beyond the bracket"},
 }
 TITLES = {"full": "complete engagement", "safe": "rattling motions", "back": "back impacts",
           "on": "rigid tooth on the flank"}

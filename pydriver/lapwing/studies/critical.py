@@ -79,7 +79,8 @@ def critical_safe(pair, te, *, parameter="brake_torque", values, safe_end="high"
        one of `record` cycles sees an impact or anything but drive flank engagement.
     2. Halve the bracket between that value and the one before, and nowhere else; motions that
        rattle at its unsafe end are carried besides.
-    3. Carry rattling motions on in steps of 2·resolution until none survives.
+    3. Carry rattling motions, also those found at `further` values beyond, towards the safe end in
+       steps of 2·resolution until none survives.
 
     Parameters
     ----------
@@ -90,7 +91,8 @@ def critical_safe(pair, te, *, parameter="brake_torque", values, safe_end="high"
     starts : StartGrid or None
     phase : float, mesh phase of rest and of the first cell of the grid
     settle, record : int, mesh cycles
-    further : int, values tried beyond the first that rattles; they change no result
+    further : int, values tried beyond the first that rattles; what rattles there is carried back
+        from each value to the next
     numerics : lapwing.engine.Numerics or None
     threads : int or None; no result depends on it
     progress : callable(fraction) or None

@@ -59,10 +59,11 @@ class SafeSearch:
         1. Try each value from the grid of starts until some motion rattles. A run that fails
            counts as one that rattles: it does not show the value to be safe.
         2. Halve the bracket; besides the grid, motions that rattle at its unsafe end are carried.
-        3. Carry motions from the last rattling value to the clean one, now a step of at most
-           2·resolution away; where some survive, that one rattles and the next step is tried.
-        4. Follow what rattles last `PATIENCE` times as long.
-        5. Try `further` values beyond the first rattling one, for the record.
+        3. Try `further` values beyond the first rattling one, from the far end on, and carry what
+           rattles from each to the next, up to the last rattling value.
+        4. Carry motions from there to the clean value, now a step of at most 2·resolution away;
+           where some survive, that one rattles and the next step is tried.
+        5. Follow what rattles last `PATIENCE` times as long.
         """
         rattling = clean = math.nan
         states, beyond = [], []
@@ -71,17 +72,29 @@ class SafeSearch:
                 self.progress(i / len(values))
             unsafe, states = self._try(value, SearchStage.SCAN)
             if unsafe:
-                rattling, beyond = value, values[i + 1:i + 1 + further]
+                rattling, beyond = value, list(values[i + 1:i + 1 + further])
                 break
             clean = value
         if not math.isnan(rattling + clean):
             rattling, clean, states = self._halve(rattling, clean, states)
+        if beyond:
+            states = states + self._from_beyond(beyond, rattling)
+        if not math.isnan(rattling + clean):
             rattling, clean, states = self._raise(rattling, clean, states, float(values[0]))
         if states:
             self._try(rattling, SearchStage.CONFIRMATION, states, only=True, times=PATIENCE)
-        for value in beyond:
-            self._try(float(value), SearchStage.FURTHER)
         return rattling, clean
+
+    def _from_beyond(self, beyond, rattling):
+        """States at the last rattling value of motions found on its unsafe side."""
+        states = []
+        for value in map(float, reversed(beyond)):
+            survivors = self._carried(value, states)
+            states = survivors + self._try(value, SearchStage.FURTHER)[1]
+        return self._carried(rattling, states)
+
+    def _carried(self, value, states):
+        return self._try(value, SearchStage.CARRIED, states, only=True)[1] if states else []
 
     def _halve(self, rattling, clean, states):
         while abs(clean - rattling) > 2 * self.resolution:
