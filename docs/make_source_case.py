@@ -5,6 +5,7 @@ Run from the checkout after those commands: python docs/make_source_case.py [RES
 
 import re
 import sys
+import textwrap
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from make_gallery import shrunk
 
 from lapwing.plots.critical_marks import label_of
 from lapwing.results import read_results
-from lapwing.summary_critical import critical_text, decimals
+from lapwing.summary_critical import decimals
 
 DOCS = Path(__file__).parent
 RESULTS = Path(sys.argv[1] if len(sys.argv) > 1 else "results")
@@ -28,11 +29,11 @@ def motion(attrs):
         return "engaged throughout"
     name = attrs["motion_class"]
     if not attrs["period"]:
-        name = "no period" + ", chatter" * ("c" in name.split()[-1][-1:]) \
+        name = "no period" + ", complete chatter" * bool(attrs["chatter_ends_per_cycle"] > 0) \
             + f", {attrs['impacts_per_cycle']:.3g} impacts per cycle"
-    return (f"{name}, {1e6 * attrs['deepest_separation']:.0f} µrad, "
-            f"{attrs['back_impacts_per_cycle']:.2g} back impacts per cycle").replace(
-                "0 back impacts per cycle", "no back impacts")
+    back = attrs["back_impacts_per_cycle"]
+    return (f"{name}, {1e6 * attrs['deepest_separation']:.0f} µrad"
+            + f", {back:.2g} back impacts per cycle" * bool(back > 0))
 
 
 def point(sweep, torque):
@@ -44,9 +45,20 @@ def point(sweep, torque):
     return f"period {period}" if period else "no period"
 
 
-def paragraph(critical):
-    """What the summary says of one search, without its name."""
-    return critical_text([critical])[-1].partition(": ")[2]
+def of_back(critical):
+    """The last back impact and what is known beyond it."""
+    attrs = critical.attrs
+    seen = critical.isel(trial=int(np.flatnonzero(
+        critical["trial_value"].values == attrs["last_seen"])[0]))
+    quiet = critical["trial_value"].values[critical["trial_back_cycles"].values == 0]
+    below = np.sort(quiet[quiet < attrs["last_seen"]])
+    return {"back.last": f"{attrs['last_seen']:g}", "back.first": f"{attrs['first_clean']:g}",
+            "back.end": f"{attrs['clean_end']:g}", "back.from": f"{attrs['scan_to']:g}",
+            "back.values": f"{attrs['clean_values']}",
+            "back.seen": f"{int(seen.trial_back_cycles)}",
+            "back.cycles": f"{int(seen.trial_cycles):,}", "back.starts": f"{attrs['n_starts']}",
+            "back.rare": f"{1 / attrs['rate_bound']:,.0f}",
+            "back.quiet": " and ".join(f"{value:g}" for value in below) or "no torque"}
 
 
 def of_responses(prefix, results):
@@ -61,11 +73,15 @@ def of_responses(prefix, results):
 
 def of_sweep(sweep):
     """The staircase, its narrow first step, and rattling carried upwards at 12 N·m."""
-    rest = sweep.sel(start="rest")
-    settled = rest["period"] == 1
+    rest = sweep.sel(start="rest").where(sweep.sel(start="rest")["period"] == 1, drop=True)
+    count = rest["counted_impacts"].mean("recorded_cycle").values
+    torques = rest["brake_torque"].values
+    # A step of the staircase has some width; single points are coincidences of the threshold.
+    steps = [f"{n} from {torques[count == n].min():g}" for n in range(4, 20)
+             if np.sum(count == n) > 4]
     up = sweep.sel(start="up").sel(brake_torque=12.0, method="nearest")
-    return {"abs.most": f"{int(rest['counted_impacts'].max('recorded_cycle').where(settled).max())}",
-            "abs.sweep.1.78": point(sweep, 1.78), "abs.sweep.2": point(sweep, 2.0),
+    return {"abs.staircase": ", ".join(steps), "abs.sweep.1.78": point(sweep, 1.78),
+            "abs.sweep.2": point(sweep, 2.0),
             "depth.up": f"{1e6 * float(up['deepest_separation'].max()):.0f}"}
 
 
@@ -75,11 +91,12 @@ def of_searches(results):
                                                                    "speed_at_12"))
     rpm = float(speed.attrs["estimate"])
     at = int(np.flatnonzero(np.isclose(safe["trial_value"], 12.0))[0])
-    return {"T_full": f"{full.attrs['estimate']:.10f}", "T_full.phase": f"{full.attrs['phase']:.6f}",
+    return {"T_full": f"{full.attrs['estimate']:.10f}",
+            "T_full.phase": f"{full.attrs['phase']:.6f}",
             "T_safe": " ± ".join(decimals(safe.attrs["estimate"], safe.attrs["bar"])),
             "speed": f"{rpm:.1f}", "speed.excess": f"{100 * (rpm / 240 - 1):.1f}",
             "share.12": f"{int(safe['trial_rattling'][at])}",
-            "starts.12": f"{int(safe['trial_starts'][at])}", "T_back": paragraph(back)}
+            "starts.12": f"{int(safe['trial_starts'][at])}", **of_back(back)}
 
 
 def short(results, name):
@@ -93,7 +110,10 @@ def short(results, name):
             return f"the last back impact is seen at {attrs['last_seen']:g} N·m"
         return "no back impact is seen" if attrs["outcome"] == "none_seen" else \
             f"back impacts are seen up to the end of the search, {attrs['scan_from']:g} N·m"
-    return f"{label_of(critical)} N·m"
+    full = results.critical("T_full").attrs["estimate"]
+    same = bool(abs(attrs["estimate"] - full) <= attrs["bar"])
+    return f"{label_of(critical)} N·m" + (
+        ", which is T_full within its bar: above it nothing but engagement was found" * same)
 
 
 def values():
@@ -111,9 +131,17 @@ def values():
         found |= {"geometric.T_full": f"{results.critical('T_full').attrs['estimate']:.5f}",
                   "geometric.T_safe": short(results, "T_safe")}
     with read_results(RESULTS / "geometric" / "lapping_25x32" / "result.nc") as results:
-        motions = [motion(results.response(f"torque_{torque}").attrs) for torque in TORQUES]
-        found["geometric.five"] = "; ".join(motions)
+        found |= of_responses("geo", results)
     return found
+
+
+def wrapped(text):
+    """The page with its paragraphs broken anew: numbers change their lengths."""
+    blocks = [block if re.match(r"[#|!]|\d\.", block) else
+              textwrap.fill(" ".join(block.split()), 100, break_long_words=False,
+                            break_on_hyphens=False)
+              for block in text.rstrip().split("\n\n")]
+    return "\n\n".join(blocks) + "\n"
 
 
 def main():
@@ -121,7 +149,7 @@ def main():
     found = values()
     text = (DOCS / "source-case.template.md").read_text(encoding="utf-8")
     filled = re.sub(r"{{(.*?)}}", lambda match: found[match[1]], text)
-    (DOCS / "source-case.md").write_text(filled, encoding="utf-8")
+    (DOCS / "source-case.md").write_text(wrapped(filled), encoding="utf-8")
     for name, source in FIGURES.items():
         shrunk(RESULTS / source, DOCS / "images" / "source_case" / f"{name}.png")
 

@@ -92,7 +92,7 @@ class _Branch:
         return f"{name}, {1e6 * self.depth[i]:.4g} µrad"
 
     def alike(self, i, j):
-        """Whether class and being apart at all are the same at two values."""
+        """Whether class, and being apart at all, are the same at two values."""
         return self.period[i] == self.period[j] and (
             not self.period[i] or self.chatter[i] or self.chatter[j]
             or (self.impacts[i], self.back[i]) == (self.impacts[j], self.back[j])) and (
@@ -127,7 +127,7 @@ def _table(runs, branches, values, unit):
         middle = (first + last) // 2
         rows.append((f"{values[first]:g}–{values[last]:g}",
                      branches["up"].describe(middle), branches["down"].describe(middle),
-                     _rest(branches, middle), _jump(branches, values, first - 1, first),
+                     _rest(branches, middle), _jump(branches, values, first, first - 1),
                      _jump(branches, values, last, last + 1)))
     text = f" (the widest of {len(runs)})" if left_out > 0 else ""
     return ["", f"Two motions beside each other{text}, as found at the middle of each interval; a "
@@ -143,14 +143,22 @@ def _rest(branches, i):
     return names[0] if names else branches["rest"].describe(i)
 
 
-def _jump(branches, values, i, j):
-    """Which branches change their motion between two neighbouring values."""
-    if i < 0 or j >= values.size:
+def _jump(branches, values, inside, outside):
+    """Which branches change their motion between the end of an interval and the value next to it.
+
+    A branch jumps where its class changes, or its depth by more than half of what parts the two
+    branches inside: outside they agree, so one of them at least must.
+    """
+    if not 0 <= outside < values.size:
         return "the range ends"
-    jumps = [f"{name}: {branches[start].describe(i)} | {branches[start].describe(j)}".replace(
-        " | ", " → ") for name, start in (("upwards", "up"), ("downwards", "down"))
-        if not branches[start].alike(i, j)]
-    return f"{values[i]:g} to {values[j]:g}: " + ("; ".join(jumps) or "gradual")
+    one, two = branches["up"], branches["down"]
+    parted = abs(one.depth[inside] - two.depth[inside])
+    first, last = sorted((inside, outside))
+    jumps = [f"{name} {branch.describe(first)} → {branch.describe(last)}"
+             for name, branch in (("upwards", one), ("downwards", two))
+             if not branch.alike(first, last)
+             or abs(branch.depth[inside] - branch.depth[outside]) > 0.5 * parted > 0]
+    return f"{values[first]:g} to {values[last]:g}: " + ("; ".join(jumps) or "gradual")
 
 
 def _runs(flags):
