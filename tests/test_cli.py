@@ -12,6 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from lapwing.cli import BAD_INPUT, FAILED, INTERRUPTED, OK, app
+from lapwing.deck import load_deck
 from lapwing.results import read_results
 
 INPUTS = Path(__file__).parents[1] / "inputs"
@@ -257,6 +258,21 @@ def test_critical_values_of_a_run(tmp_path, no_figures):
     assert summary.index("## Critical values") < summary.index("## Sweep torque")
     again = call("run", deck, "--out", tmp_path / "out", "--set", "critical.T_safe.count=3")
     assert again.exit_code == BAD_INPUT and "critical.T_safe.values" in again.output
+
+
+def test_full_engagement_of_a_sweep_knows_the_driving_torque(tmp_path, no_figures):
+    """With the driving torque given, less braking torque is needed than at balance."""
+    deck = write_deck(tmp_path)
+    found = {}
+    for drive in (None, 5.0):
+        given = ["--set", f"operation.drive_torque={drive}"] if drive else []
+        out = tmp_path / f"out{drive}"
+        assert call("run", deck, "--out", out, "--threads", 1, *given).exit_code == OK
+        with read_results(out / "small" / "result.nc") as results:
+            found[drive] = results.sweep("torque").attrs["full_engagement"]
+            force_per_torque = results.gear_pair["force_per_torque"]
+    pair = load_deck(deck).gear_pair
+    assert pair.force(found[5.0], 5.0) == pytest.approx(force_per_torque * found[None], rel=1e-12)
 
 
 def test_failed_motions_of_a_search_are_reported(tmp_path):

@@ -98,6 +98,8 @@ def critical(decks: Decks,
     loaded, code = _load(decks, setting)
     for deck in loaded:
         code = _worst(code, _critical(deck, threads or default_threads()))
+        if code == INTERRUPTED:
+            break
     raise typer.Exit(code)
 
 
@@ -261,8 +263,12 @@ def _critical(deck, threads):
     if not deck.criticals:
         _complain(f"{deck.path}: no &critical in this deck")
         return BAD_INPUT
-    found = [critical_study(deck, study, threads).assign_attrs(name=study.name)
-             for study in deck.criticals]
+    try:
+        found = [critical_study(deck, study, threads).assign_attrs(name=study.name)
+                 for study in deck.criticals]
+    except KeyboardInterrupt:
+        _complain(f"{deck.stem}: interrupted")
+        return INTERRUPTED
     print(f"# {deck.stem}\n\n" + "\n".join(critical_text(found)))
     failed = any("trial_failed" in one and int(one["trial_failed"].sum()) for one in found)
     return FAILED if failed else OK

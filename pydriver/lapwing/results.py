@@ -265,7 +265,7 @@ def _labelled(sweep, name, order, osc, responses):
     """A sweep with its name, its critical value and the deck's claims."""
     parameter = sweep["status"].dims[1]
     labels = {"name": name, "order": order, "parameter": parameter}
-    if parameter == "brake_torque":
+    if parameter == "brake_torque" and "full_engagement" not in sweep.attrs:
         labels |= _full_engagement(osc)
     claims = [(attrs[parameter], attrs.get("claim_deepest_separation", np.nan),
                attrs.get("claim_text", "")) for attrs in (one.attrs for one in responses)

@@ -150,11 +150,24 @@ def _sweep(deck, study, threads, done):
     from lapwing.studies.sweep import sweep
 
     observe = ("cycles", "impacts") if study.impacts else ("cycles",)
-    return sweep(
+    found = sweep(
         deck.gear_pair, deck.te, parameter=study.parameter, values=study.values,
         starts=study.starts, settle=study.settle_cycles, record=study.record_cycles,
         observe=observe, phase=deck.numerics["start_phase"], threads=threads, progress=done,
         keep_interrupted=True, **deck.numerics_of(study), **study.operation)
+    return found.assign_attrs(_full_engagement(deck, study))
+
+
+def _full_engagement(deck, study):
+    """T_full of a sweep of the braking torque, the driving torque in balance or as given."""
+    from lapwing.studies.critical import critical_full
+
+    if study.parameter != "brake_torque" or study.operation["contact_law"] == "rigid":
+        return {}
+    found = critical_full(deck.gear_pair, deck.te, **study.operation).attrs
+    if found["outcome"] != "found":
+        return {}
+    return {"full_engagement": found["estimate"], "full_engagement_phase": found["phase"]}
 
 
 def critical_study(deck, study, threads, done=None):

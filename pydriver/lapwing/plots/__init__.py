@@ -61,7 +61,8 @@ def _tasks(results):
     for name in results.criticals:
         if "trial" in results.critical(name).dims:  # a closed form has nothing to show
             yield (f"{CRITICAL_FIGURE}_{name}", CRITICAL_FIGURE,
-                   lambda name=name: results.critical(name), {})
+                   lambda name=name: results.critical(name),
+                   {"marks": _marks_beside(results, name)})
     for name in results.responses:
         for module in RESPONSE_FIGURES:
             yield f"{module}_{name}", module, lambda name=name: results.response(name), {}
@@ -79,6 +80,14 @@ def _marks(results, name):
 
     return marks_of([results.critical(one) for one in results.criticals],
                     parameter_of(results.sweep(name)))
+
+
+def _marks_beside(results, name):
+    """Other critical values along the parameter of a search."""
+    from lapwing.plots.critical_marks import marks_of
+
+    return marks_of([results.critical(one) for one in results.criticals if one != name],
+                    results.critical(name).attrs["parameter"])
 
 
 def _claims(results, name):

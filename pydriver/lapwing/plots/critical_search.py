@@ -6,14 +6,14 @@ import numpy as np
 
 from lapwing.codes import SearchStage
 from lapwing.plots import style
-from lapwing.plots.critical_marks import label_of
+from lapwing.plots.critical_marks import draw_marks, label_of
 from lapwing.plots.sweep_parts import AXIS_LABELS
 
 LOOKS = {
     SearchStage.SCAN: {"marker": "o", "color": style.BLUE, "label": "scan, from the safe end"},
     SearchStage.BISECTION: {"marker": "s", "color": style.ORANGE, "label": "bisection"},
-    SearchStage.CARRIED: {"marker": "^", "color": style.VERMILION, "label": "only motions carried "
-                          "from the unsafe side"},
+    SearchStage.CARRIED: {"marker": "^", "color": style.VERMILION, "label": "motions carried from "
+                          "the unsafe side"},
     SearchStage.FURTHER: {"marker": "o", "color": style.SKY, "label": "beyond the bracket"},
 }
 TITLES = {"full": "complete engagement", "safe": "rattling motions", "back": "back impacts",
@@ -23,7 +23,7 @@ CLOSE_UP = 6
 
 
 @style.house_style()
-def draw(critical, gear_pair=None, *, title=None):
+def draw(critical, gear_pair=None, *, title=None, marks=()):
     """Draw one search.
 
     Parameters
@@ -31,6 +31,7 @@ def draw(critical, gear_pair=None, *, title=None):
     critical : xarray.Dataset, group `critical_<name>` of a result file, with the dimension `trial`
     gear_pair : not used
     title : str or None
+    marks : sequence of critical_marks.Mark, other critical values along the same parameter
 
     Returns
     -------
@@ -46,6 +47,8 @@ def draw(critical, gear_pair=None, *, title=None):
         draws(axis, critical)
         parameter = str(critical.attrs["parameter"])
         axis.set_xlabel(AXIS_LABELS.get(parameter, parameter.replace("_", " ")))
+    draw_marks(axes[:1], axes[0], marks, np.sort(critical["trial_value"].values),
+               heights=(0.85, 0.3))
     if close_up:
         middle, half = critical.attrs["estimate"], critical.attrs["bar"]
         axes[1].set_xlim(middle - CLOSE_UP * half, middle + CLOSE_UP * half)
@@ -65,6 +68,8 @@ def _safe(axis, critical):
     values = critical["trial_value"].values
     for stage, look in LOOKS.items():
         at = stages == stage
+        if stage == SearchStage.CARRIED:  # of these the last step alone, not the way there
+            at &= np.isin(values, (critical.attrs["rattling"], critical.attrs["clean"]))
         if at.any():
             carried = stage == SearchStage.CARRIED
             axis.plot(values[at], share[at], linestyle="", markersize=10 if carried else 6,
