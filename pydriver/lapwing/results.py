@@ -1,8 +1,8 @@
 """The result file: everything a run found, in one netCDF-4 file with one group per thing.
 
-Groups `gear_pair`, `transmission_error`, `response_<name>`, `sweep_<name>` and `critical_<name>`;
-provenance and the deck at the root.  Figures and summary are made from the file alone: nothing here
-needs the engine.
+Groups `gear_pair`, `transmission_error`, `response_<name>`, `sweep_<name>`, `critical_<name>`;
+provenance and the deck at the root.  Figures and summary are made from the file alone: nothing
+here needs the engine.
 """
 
 from __future__ import annotations
@@ -73,15 +73,6 @@ DESCRIPTIONS = {
     "claim_value": (None, "parameter value a source reports on"),
     "claim_deepest_separation": ("rad", "deepest separation a source reports"),
     "claim_text": (None, "what a source reports, in words"),
-    "trial_value": (None, "value tried in the search for a critical value"),
-    "trial_stage": (None, "why the value was tried"),
-    "trial_starts": ("1", "motions followed"),
-    "trial_rattling": ("1", "motions that rattle"),
-    "trial_failed": ("1", "motions that failed numerically"),
-    "trial_cycles": ("1", "mesh cycles examined"),
-    "trial_back_cycles": ("1", "mesh cycles with a back impact"),
-    "trial_rate_bound": ("1", "upper limit of the rate of back impacts per mesh cycle"),
-    "trial_margin": ("rad", "force F above the one needed for contact"),
     "brake_torque": ("N m", "brake torque on the gear"),
     "drive_torque": ("N m", "drive torque on the pinion"),
     "pinion_speed_rpm": ("rpm", "pinion speed"),
@@ -182,9 +173,9 @@ def described(dataset):
     for name, variable in dataset.variables.items():
         key = str(name)
         bare = key if key in DESCRIPTIONS else key.removeprefix("cycle_")
-        units, long_name = DESCRIPTIONS.get(bare, ("1", key.replace("_", " ")))
-        if key == "trial_value":
-            units = dataset.attrs.get("units")
+        own = (variable.attrs.get("units", "1"),
+               variable.attrs.get("long_name", key.replace("_", " ")))
+        units, long_name = DESCRIPTIONS.get(bare, own)
         variable.attrs = {"long_name": long_name, **({"units": units} if units else {}),
                           **_flags(bare, variable.dtype)}
     return dataset

@@ -252,8 +252,8 @@ class CriticalKeys(OperationKeys, ValueKeys):
     record_cycles: int | None = key(
         None, "mesh cycles looked at, of each motion; left out: 50 for 'safe', 1200 for 'back'", "",
         50, ge=1, le=1_000_000)
-    further_values: int = key(0, "'safe': values tried beyond the first that rattles; motions found "
-                              "there are carried back to it", ge=0, le=100_000)
+    further_values: int = key(0, "'safe': values tried beyond the first that rattles; motions "
+                              "found there are carried back to it", ge=0, le=100_000)
     confidence: float = key(0.95, "'back': of the upper limit of the rate of back impacts", ge=0.5,
                             lt=1)
     rtol: float | None = key(None, "relative tolerance; left out: that of &numerics, else 1e-6",

@@ -26,6 +26,17 @@ SWEEP_RTOL = 1e-6
 # Why no value is found, besides the reasons of `LiftOff`.
 RESONANCE = "resonance"
 
+DESCRIPTIONS = {
+    "trial_value": (None, "value tried in the search for a critical value"),
+    "trial_stage": ("", "why the value was tried"),
+    "trial_starts": ("1", "motions followed"),
+    "trial_rattling": ("1", "motions that rattle"),
+    "trial_failed": ("1", "motions that failed numerically"),
+    "trial_cycles": ("1", "mesh cycles examined"),
+    "trial_back_cycles": ("1", "mesh cycles with a back impact"),
+    "trial_rate_bound": ("1", "upper limit of the rate of back impacts per mesh cycle"),
+    "trial_margin": ("rad", "force F above the one needed for contact")}
+
 
 def critical_full(pair, te, *, parameter="brake_torque", values=None, safe_end="high",
                   **operation):
@@ -326,10 +337,16 @@ def _trials(trials):
 def _dataset(find, parameter, outcome, estimate, bar, variables=None, **attrs):
     import xarray as xr
 
-    data = {name: ("trial", np.asarray(column)) for name, column in (variables or {}).items()}
-    return xr.Dataset(data, attrs={
-        "find": find, "parameter": parameter, "units": PARAMETER_UNITS.get(parameter, "1"),
-        "outcome": outcome, "estimate": estimate, "bar": bar, **attrs})
+    unit = {**PARAMETER_UNITS, "pinion_speed_rpm": "rpm"}.get(parameter, "1")
+    dataset = xr.Dataset(
+        {name: ("trial", np.asarray(column)) for name, column in (variables or {}).items()},
+        attrs={"find": find, "parameter": parameter, "units": unit, "outcome": outcome,
+               "estimate": estimate, "bar": bar, **attrs})
+    for name in dataset.data_vars:
+        units, long_name = DESCRIPTIONS[name]
+        dataset[name].attrs = {"long_name": long_name,
+                               "units": unit if units is None else units}
+    return dataset
 
 
 __all__ = ["StartGrid", "critical_back", "critical_full", "critical_on", "critical_safe"]
