@@ -257,7 +257,7 @@ def _run(deck, out, threads, force, progress):
 
 def _critical(deck, threads):
     """Search and print the critical values of one deck; returns its exit code."""
-    from lapwing.run import critical_study
+    from lapwing.studies.critical_of_deck import critical_study
     from lapwing.summary_critical import critical_text
 
     if not deck.criticals:

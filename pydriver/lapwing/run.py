@@ -111,6 +111,8 @@ def _clear(folder):
 
 def _studies(deck, threads, report):
     """Responses, critical values and sweeps, as far as the user lets them."""
+    from lapwing.studies.critical_of_deck import critical_study
+
     responses, criticals, sweeps = [], {}, {}
     try:
         for order, response in enumerate(deck.responses):
@@ -147,6 +149,7 @@ def _response(deck, study, order):
 
 
 def _sweep(deck, study, threads, done):
+    from lapwing.studies.critical_of_deck import full_engagement
     from lapwing.studies.sweep import sweep
 
     observe = ("cycles", "impacts") if study.impacts else ("cycles",)
@@ -155,54 +158,7 @@ def _sweep(deck, study, threads, done):
         starts=study.starts, settle=study.settle_cycles, record=study.record_cycles,
         observe=observe, phase=deck.numerics["start_phase"], threads=threads, progress=done,
         keep_interrupted=True, **deck.numerics_of(study), **study.operation)
-    return found.assign_attrs(_full_engagement(deck, study))
-
-
-def _full_engagement(deck, study):
-    """T_full of a sweep of the braking torque, the driving torque in balance or as given."""
-    from lapwing.studies.critical import critical_full
-
-    if study.parameter != "brake_torque" or study.operation["contact_law"] == "rigid":
-        return {}
-    found = critical_full(deck.gear_pair, deck.te, **study.operation).attrs
-    if found["outcome"] != "found":
-        return {}
-    return {"full_engagement": found["estimate"], "full_engagement_phase": found["phase"]}
-
-
-def critical_study(deck, study, threads, done=None):
-    """One critical value of a deck.
-
-    Parameters
-    ----------
-    deck : lapwing.deck.Deck
-    study : lapwing.deck.Critical
-    threads : int
-    done : callable(fraction) or None
-
-    Returns
-    -------
-    xarray.Dataset, from `lapwing.critical_full` and the like, and whether the study sets its own
-    operation (attribute `own_operation`)
-    """
-    from lapwing.engine import Numerics
-    from lapwing.studies import critical as search
-
-    options = {"parameter": study.parameter, "values": study.values, "safe_end": study.safe_end,
-               **study.operation}
-    if study.starts is not None:
-        options |= {"starts": search.StartGrid(*study.starts), "settle": study.settle_cycles,
-                    "record": study.record_cycles, "phase": deck.numerics["start_phase"],
-                    "numerics": Numerics(**deck.numerics_of(study)), "threads": threads,
-                    "progress": done}
-    if study.find == "safe":
-        options |= {"resolution": study.resolution, "further": study.further_values}
-    elif study.find == "back":
-        options["confidence"] = study.confidence
-    find = {"full": search.critical_full, "safe": search.critical_safe,
-            "back": search.critical_back, "on": search.critical_on}[study.find]
-    return find(deck.gear_pair, deck.te, **options).assign_attrs(
-        own_operation=int(study.own_operation))
+    return found.assign_attrs(full_engagement(deck, study))
 
 
 def _write(deck, folder, responses, criticals, sweeps):
