@@ -60,9 +60,8 @@ def test_each_jump_is_named_with_its_bracket():
 
 def test_a_jump_of_depth_alone_is_a_jump():
     deep = [(1, 5, 100 + 2 * i) for i in range(8)]
-    up = deep[:6] + [(1, 5, 62), (1, 5, 64)]
     down = deep[:3] + [(1, 5, 56 + i) for i in range(5)]
-    up[6:] = down[6:]
+    up = deep[:6] + down[6:]
     said = text(*made_up(up=up, down=down))
     assert "3 to 4: downwards 1:(5,0), 104 µrad → 1:(5,0), 56 µrad |" in said
     assert "6 to 7: upwards 1:(5,0), 110 µrad → 1:(5,0), 59 µrad |" in said

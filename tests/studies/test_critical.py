@@ -13,8 +13,8 @@ from lapwing.codes import SearchStage
 from lapwing.deck import load_deck
 from lapwing.engine import REST, Numerics
 from lapwing.studies import critical_safe as safe_module
-from lapwing.studies.critical_safe import SafeSearch
 from lapwing.studies.critical_of_deck import critical_study
+from lapwing.studies.critical_safe import SafeSearch
 from lapwing.studies.critical_starts import Fates, fitted, start_grid
 from lapwing.studies.trajectory import check_start
 
