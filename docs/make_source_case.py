@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from make_gallery import shrunk
 
+from lapwing.codes import SearchStage
 from lapwing.plots.critical_marks import label_of
 from lapwing.results import read_results
 from lapwing.summary_critical import decimals
@@ -90,7 +91,8 @@ def of_searches(results):
     full, safe, back, speed = (results.critical(name) for name in ("T_full", "T_safe", "T_back",
                                                                    "speed_at_12"))
     rpm = float(speed.attrs["estimate"])
-    at = int(np.flatnonzero(np.isclose(safe["trial_value"], 12.0))[0])
+    grid = np.isin(safe["trial_stage"], (SearchStage.SCAN, SearchStage.FURTHER))
+    at = int(np.flatnonzero(grid & np.isclose(safe["trial_value"], 12.0))[0])
     return {"T_full": f"{full.attrs['estimate']:.10f}",
             "T_full.phase": f"{full.attrs['phase']:.6f}",
             "T_safe": " ± ".join(decimals(safe.attrs["estimate"], safe.attrs["bar"])),
