@@ -279,7 +279,7 @@ def test_none_seen_and_all_seen():
     ("safe", {"values": []}, "at least one"), ("safe", {"values": [1, np.inf]}, "finite"),
     ("safe", {"safe_end": "left"}, "safe_end"), ("safe", {"settle": -1}, "settle"),
     ("safe", {"record": 0}, "record"), ("safe", {"further": 1.5}, "further"),
-    ("safe", {"resolution": -1.0}, "resolution"), ("back", {"confidence": 1.0}, "confidence"),
+    ("safe", {"values": [1.0, 2.0], "resolution": 0.0}, "resolution"), ("back", {"confidence": 1.0}, "confidence"),
     ("back", {"gap": "one_flank"}, "coast flank"), ("on", {}, "critical_full is meant"),
     ("full", {"contact_law": "rigid", "impact_law": "relative"}, "critical_on is meant"),
     ("full", {"parameter": "restitution", "brake_torque": 1, "values": None}, "values"),

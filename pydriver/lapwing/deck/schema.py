@@ -240,7 +240,7 @@ class CriticalKeys(OperationKeys, ValueKeys):
         "there")
     resolution: float | None = key(
         None, "'safe': half of the widest bracket allowed; left out: a fifth of the least step of "
-        "the values", "of the parameter", 0.01, ge=0, le=1e15)
+        "the values", "of the parameter", 0.01, gt=0, le=1e15)
     start_phases: int | None = key(None, "mesh phases at which motions begin; left out: 6 for "
                                    "'safe', 2 for 'back'", "", 6, ge=1, le=1000)
     start_positions: int | None = key(

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from lapwing.engine import Numerics
+from lapwing.engine import Numerics, method_of
 from lapwing.linear_response import critical_force
 from lapwing.rigid_contact import LiftOff, lift_off_force
 from lapwing.studies.critical_safe import SafeSearch, Trial
@@ -128,18 +128,24 @@ def critical_safe(pair, te, *, parameter="brake_torque", values, safe_end="high"
     if resolution is None:
         steps = np.abs(np.diff(values))
         resolution = float(steps.min()) / 5 if steps.size else 0.0
-    if not (math.isfinite(resolution) and resolution >= 0):
-        raise ValueError(f"critical: resolution = {resolution!r}, a number >= 0 is meant")
-    search = SafeSearch(
-        lambda value: oscillator_at(pair, te, parameter, value, operation), starts, phase, settle,
-        record, resolution, numerics, threads or default_threads(), progress)
+    # Finer than this, values could no longer be told from each other.
+    finest = 4 * float(np.spacing(np.abs(values).max()))
+    if not (math.isfinite(resolution) and (resolution >= finest or values.size == 1)):
+        raise ValueError(f"critical: resolution = {resolution!r}, a number >= {finest:.2g} is meant")
+
+    def at(value):
+        return oscillator_at(pair, te, parameter, value, operation)
+
+    search = SafeSearch(at, starts, phase, settle, record, resolution, numerics,
+                        threads or default_threads(), progress)
     rattling, clean = search.run(values, further)
     outcome = "safe_throughout" if math.isnan(rattling) else \
         "unsafe_throughout" if math.isnan(clean) else "found"
     return _dataset(
         "safe", parameter, outcome, 0.5 * (rattling + clean), 0.5 * abs(clean - rattling),
         _trials(search.trials), rattling=rattling, clean=clean, resolution=resolution,
-        **_scan(values, safe_end), **_starts(starts, phase, settle, record, numerics),
+        **_scan(values, safe_end), **_starts(starts, phase, settle, record),
+        method=method_of(at(float(values[0])), numerics), rtol=numerics.rtol,
         n_starts=search.trials[0].starts)
 
 
@@ -201,7 +207,9 @@ def critical_back(pair, te, *, parameter="brake_torque", values, safe_end="high"
         variables={"trial_value": values, "trial_starts": followed, "trial_failed": failed,
                    "trial_cycles": cycles, "trial_back_cycles": seen, "trial_rate_bound": bound},
         **_clean(values, seen, cycles, bound), **_scan(values, safe_end),
-        **_starts(starts, phase, settle, record, numerics), n_starts=int(followed[0]))
+        **_starts(starts, phase, settle, record),
+        method=method_of(oscillators[0], numerics), rtol=numerics.rtol,
+        n_starts=int(followed[0]))
 
 
 def _rate_bound(seen, cycles, confidence):
@@ -321,11 +329,11 @@ def _scan(values, safe_end):
             "scan_values": values.size}
 
 
-def _starts(starts, phase, settle, record, numerics):
-    """Attributes that state what was followed, and how."""
+def _starts(starts, phase, settle, record):
+    """Attributes that state what was followed."""
     return {"start_phases": starts.phases, "start_positions": starts.positions,
             "start_speeds": starts.speeds, "start_phase": phase, "settle": settle,
-            "record": record, "method": numerics.method, "rtol": numerics.rtol}
+            "record": record}
 
 
 def _trials(trials):
