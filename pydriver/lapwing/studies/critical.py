@@ -131,7 +131,8 @@ def critical_safe(pair, te, *, parameter="brake_torque", values, safe_end="high"
     # Finer than this, values could no longer be told from each other.
     finest = 4 * float(np.spacing(np.abs(values).max()))
     if not (math.isfinite(resolution) and (resolution >= finest or values.size == 1)):
-        raise ValueError(f"critical: resolution = {resolution!r}, a number >= {finest:.2g} is meant")
+        raise ValueError(f"critical: resolution = {resolution!r}, a number >= {finest:.2g} is "
+                         "meant")
 
     def at(value):
         return oscillator_at(pair, te, parameter, value, operation)
