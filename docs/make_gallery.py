@@ -18,6 +18,7 @@ DECKS = {
                      "impact law `absolute` as the source prints it.",
     "lapping_25x32_relative": "The same gear with the physical impact law: chatter where the "
                               "source counts 3, 5 and 7 impacts.",
+    "critical_25x32": "Critical torques of the 25 × 32 pair under the source's law.",
     "smooth_1500rpm": "A smooth transmission error of three harmonics at 1500 rpm: coexisting "
                       "motions.",
     "kinked_480rpm": "The textbook parabola with one kink at 480 rpm.",
@@ -27,6 +28,8 @@ FIGURES = {
     "orbit_diagram": "Orbit diagram: strobed displacement, impact speeds, impacts per cycle and "
                      "period against the braking torque, from rest, upwards and downwards.",
     "deepest_separation": "Deepest separation against the braking torque.",
+    "critical_search": "Searches for critical values: what was tried, what was seen, the bracket "
+                       "that is left.",
     "te_curve": "Transmission error with its knots, slopes and kinks.",
     "history": "Time history of displacement, mesh force and impacts.",
     "phase_portrait": "Phase portrait, with the engaged part magnified.",

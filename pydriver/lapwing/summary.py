@@ -7,7 +7,9 @@ import math
 import numpy as np
 
 from lapwing.codes import MotionState
-from lapwing.summary_sweep import markdown, plural, sweep_text
+from lapwing.summary_critical import critical_text
+from lapwing.summary_sweep import sweep_text
+from lapwing.summary_words import markdown, plural
 
 # A change between the halves of the record below this part of the number, or of its error, is
 # rounding or chance and is not reported as a transient.
@@ -24,8 +26,8 @@ def summary_text(results):
     Returns
     -------
     str
-        Markdown: gear and operation, a table and a paragraph for each response, the findings of
-        each sweep, provenance.
+        Markdown: gear and operation, a table and a paragraph for each response, the critical
+        values, the findings of each sweep, provenance.
     """
     responses = [results.response(name).attrs for name in results.responses]
     lines = [f"# {results.attrs['deck_name']}", "", *_gear(results, responses)]
@@ -33,6 +35,9 @@ def summary_text(results):
         lines += ["", "## Responses", "", *_table(responses), "", *_legend(responses)]
         for attrs in responses:
             lines += ["", f"### {attrs['name']}", "", _paragraph(attrs)]
+    if results.criticals:
+        lines += ["", "## Critical values", "",
+                  *critical_text([results.critical(name) for name in results.criticals])]
     for name in results.sweeps:
         lines += ["", f"## Sweep {name}", "", *sweep_text(results.sweep(name))]
     return "\n".join([*lines, "", "## Provenance", "", *_provenance(results)]) + "\n"

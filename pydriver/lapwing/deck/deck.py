@@ -67,6 +67,46 @@ class Sweep:
     rtol: float
 
 
+@dataclass(frozen=True, eq=False)
+class Critical:
+    """One critical value of a parameter to find.
+
+    Attributes
+    ----------
+    name : str
+    find : 'full', 'safe', 'back' or 'on'
+    parameter : str, the bare key
+    group : 'gear_pair' or 'operation', where the parameter belongs
+    values : array (n,), ascending, without repeats; None for a closed form
+    safe_end : 'high' or 'low'
+    operation : dict, the keyword arguments of `GearPair.oscillator` but for the parameter
+    own_operation : bool, whether the group sets some of them itself
+    starts : (phases, positions, speeds) of the grid of starts, or None
+    settle_cycles : int
+    record_cycles : int or None
+    resolution : float, of the parameter, or None
+    further_values : int
+    confidence : float
+    rtol : float
+    """
+
+    name: str
+    find: str
+    parameter: str
+    group: str
+    values: np.ndarray | None
+    safe_end: str
+    operation: dict
+    own_operation: bool
+    starts: tuple | None
+    settle_cycles: int
+    record_cycles: int | None
+    resolution: float | None
+    further_values: int
+    confidence: float
+    rtol: float
+
+
 @dataclass(eq=False)
 class Deck:
     """Everything a run needs, checked.
@@ -78,7 +118,7 @@ class Deck:
     text : str, the deck as read
     overrides : tuple of (key, value text)
     warnings : tuple of Problem
-    settings : dict, group name -> validated keys (a list of them for &response and &sweep)
+    settings : dict, group name -> validated keys (a list of them for the studies)
     te_table : Table, the transmission error as given
     gear_pair : GearPair
     operation : dict, the keyword arguments of `GearPair.oscillator` (scene and te_sign included)
@@ -86,6 +126,7 @@ class Deck:
     numerics : dict, the keys of &numerics; rtol is None where each study takes its default
     responses : tuple of Response
     sweeps : tuple of Sweep
+    criticals : tuple of Critical
     """
 
     path: Path
@@ -99,6 +140,7 @@ class Deck:
     numerics: dict
     responses: tuple = field(default=())
     sweeps: tuple = field(default=())
+    criticals: tuple = field(default=())
 
     @property
     def stem(self):

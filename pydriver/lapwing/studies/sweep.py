@@ -72,7 +72,7 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
                         max_events_per_cycle=max_events_per_cycle,
                         max_steps_per_cycle=max_steps_per_cycle)
     wanted = Wanted(cycles="cycles" in observe, strobe=True, impacts="impacts" in observe)
-    oscillators = [_oscillator(pair, te, parameter, value, operation) for value in values]
+    oscillators = [oscillator_at(pair, te, parameter, value, operation) for value in values]
     if any(osc.force < 0 and osc.gap == "one_flank" for osc in oscillators):
         raise ValueError("sweep: rest with a negative force needs a coast flank to rest on")
     lines = _lines(starts, len(values))
@@ -110,8 +110,8 @@ def _check(parameter, values, starts, settle, record, observe, max_impacts):
     return values
 
 
-def _oscillator(pair, te, parameter, value, operation):
-    """Oscillator of one value of the parameter."""
+def oscillator_at(pair, te, parameter, value, operation):
+    """Oscillator of one value of the parameter; `operation` holds the other arguments."""
     if parameter in {field.name for field in fields(GearPair)}:
         return replace(pair, **{parameter: float(value)}).oscillator(te, **operation)
     return pair.oscillator(te, **{**operation, parameter: float(value)})
