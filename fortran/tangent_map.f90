@@ -111,18 +111,20 @@ contains
     class(system_t), intent(in) :: system        !! what moves
     type(damped_t), intent(in) :: contact        !! free motion of a deviation in contact
     type(segment_t), intent(in) :: segment       !! what happened
-    integer :: i
+    integer :: i, last
+    last = 0
     do i = 1, segment%n_events
       select case (kind_at_drive(segment%events(i)))
       case (event_impact)
         call strike(self, system, segment, segment%events(i))
+        last = i
       case (event_engage)
         if (system%rigid) call forget(self, 0)
         self%m(2, :) = self%m(2, :) - 2*contact%xi*self%m(1, :)
       case (event_release)
         self%m(2, :) = self%m(2, :) + 2*contact%xi*self%m(1, :)
       case (event_chatter_end)
-        if (i > 1) call end_chatter_at_impact(self, system, segment, segment%events(i - 1))
+        if (last > 0) call end_chatter_at_impact(self, system, segment, segment%events(last))
       end select
     end do
   end subroutine jump
