@@ -125,6 +125,8 @@ contains
         self%m(2, :) = self%m(2, :) + 2*contact%xi*self%m(1, :)
       case (event_chatter_end)
         if (last > 0) call end_chatter_at_impact(self, system, segment, segment%events(last))
+      case default
+        ! A kink leaves a deviation as it is.
       end select
     end do
   end subroutine jump
