@@ -170,7 +170,7 @@ PACKAGE = ROOT / "pydriver" / "lapwing"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 # Lowest first; modules of one row may not import each other unless a row says so.
 PYTHON_LAYERS = [
-    {"codes", "transmission_error_file", "threads"},
+    {"codes", "transmission_error_file", "threads", "stability_names"},
     {"transmission_error"},
     {"oscillator"},
     {"gear_pair"},
@@ -178,6 +178,7 @@ PYTHON_LAYERS = [
     {"deck"},
     {"engine"},
     {"studies"},
+    {"summary_stability"},
     {"summary_sweep"},
     {"results", "summary"},
     {"plots"},

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from lapwing.codes import EventKind, Flank, MotionState, Status
+from lapwing.stability_names import STABILITY
 
 CONVENTIONS = "CF-1.11"
 # Variables larger than this are compressed; the rest is small beside the file's own overhead.
@@ -59,6 +60,7 @@ DESCRIPTIONS = {
     "status": (None, "how the run ended"),
     "force": ("rad", "mean force F of the dimensionless oscillator"),
     "period": ("1", "period in mesh cycles, 0: none found"),
+    **STABILITY,
     "start": (None, "how each value was begun"),
     "recorded_cycle": ("1", "recorded mesh cycle"),
     "impact_phase": ("1", "mesh phase of the impact, in mesh periods"),

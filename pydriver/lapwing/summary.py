@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from lapwing.codes import MotionState
+from lapwing.summary_stability import aperiodic_words, stability_sentence
 from lapwing.summary_sweep import markdown, plural, sweep_text
 
 # A change between the halves of the record below this part of the number, or of its error, is
@@ -203,7 +204,8 @@ def _paragraph(attrs):
         if attrs["deepest_back_penetration"] > 0:
             sentences.append("The coast flank is pressed in by up to "
                              f"{_value(attrs, 'deepest_back_penetration', 1e6)} µrad.")
-    sentences += [_force_sentence(attrs), _comparison(attrs), _trust(attrs), f"({run}.)"]
+    sentences += [stability_sentence(attrs), _force_sentence(attrs), _comparison(attrs),
+                  _trust(attrs), f"({run}.)"]
     return " ".join(sentence for sentence in sentences if sentence)
 
 
@@ -227,7 +229,7 @@ def _motion_sentence(attrs):
         chatter = f", with {plural(number, 'complete chatter')} per cycle"
     if not attrs["period"]:
         longest = plural(attrs["max_period"], "mesh cycle")
-        return f"the motion has no period up to {longest}{chatter}."
+        return f"the motion has no period up to {longest}{aperiodic_words(attrs)}{chatter}."
     cycles = "every mesh cycle" if attrs["period"] == 1 else f"every {attrs['period']} mesh cycles"
     return f"the motion repeats {cycles}, class {attrs['motion_class']}{chatter}."
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lapwing.codes import Status
+from lapwing.summary_stability import sweep_stability
 
 # Branches carried up and down differ in depth when they do so by more than this part of it.
 DEPTH_DIFFERS = 0.02
@@ -45,6 +46,7 @@ def sweep_text(sweep):
                      f"phase {sweep.attrs['full_engagement_phase']:.6f}); other motions may exist "
                      "beside it")
     lines.append("- hysteresis: " + _hysteresis(sweep, depth, values, unit))
+    lines += sweep_stability(sweep, unit)
     lines.append("- impacts are counted after flights deeper than "
                  f"{100 * sweep.attrs['count_depth']:g} % of their cycle's deepest separation")
     return [*lines, "", *_sweep_table(sweep, depth, values, unit)]

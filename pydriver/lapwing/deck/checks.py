@@ -199,7 +199,7 @@ class _Studies:
         return Response(
             operation=operation, start=start, rtol=self._rtol(reader),
             **{name: getattr(keys, name) for name in (
-                "name", "settle_cycles", "record_cycles", "samples_per_cycle",
+                "name", "settle_cycles", "record_cycles", "samples_per_cycle", "exponents",
                 "claim_impacts_per_cycle", "claim_deepest_separation", "claim_text")})
 
     def _start(self, reader, keys):
@@ -273,7 +273,7 @@ class _Studies:
         return Sweep(name=keys.name, parameter=name, group=group, values=values,
                      operation=operation, starts=starts, rtol=self._rtol(reader),
                      settle_cycles=keys.settle_cycles, record_cycles=keys.record_cycles,
-                     impacts=keys.impacts)
+                     impacts=keys.impacts, exponents=keys.exponents)
 
     def _parameter(self, reader, name):
         """Group of the parameter swept, or None."""

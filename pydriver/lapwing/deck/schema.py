@@ -168,6 +168,7 @@ class ResponseKeys(OperationKeys):
     record_cycles: int = key(100, "mesh cycles recorded", ge=1, le=1_000_000)
     samples_per_cycle: int = key(400, "samples of the time history in a mesh cycle", ge=8,
                                  le=100_000)
+    exponents: bool = key(True, "whether Floquet multipliers and Lyapunov exponents are found")
     rtol: float | None = key(None, "relative tolerance; left out: that of &numerics, else 1e-8",
                              example=1e-8, ge=1e-13, le=1e-2)
     claim_impacts_per_cycle: float | None = key(
@@ -210,6 +211,8 @@ class SweepKeys(Group):
                              le=10_000_000)
     record_cycles: int = key(100, "mesh cycles recorded at every value", ge=1, le=100_000)
     impacts: bool = key(True, "whether phase and speed of every impact are kept")
+    exponents: bool = key(False, "whether Lyapunov exponents are found, and Floquet multipliers "
+                          "where the motion repeats")
     rtol: float | None = key(None, "relative tolerance; left out: that of &numerics, else 1e-6",
                              example=1e-6, ge=1e-13, le=1e-2)
 

@@ -9,7 +9,9 @@ import numpy as np
 
 FORMATS = ("png", "pdf")
 # Modules of this package with a `draw` each, by what they are drawn from.
-SWEEP_FIGURES = ("orbit_diagram", "deepest_separation")
+SWEEP_FIGURES = ("orbit_diagram", "deepest_separation", "exponents")
+# Variables without which a figure of a sweep has nothing to show.
+NEEDED = {"exponents": "lyapunov_exponent"}
 RESPONSE_FIGURES = ("history", "phase_portrait", "impact_section", "spectrum")
 TE_FIGURE = "te_curve"
 
@@ -52,6 +54,8 @@ def _tasks(results):
     deck = str(results.attrs.get("deck_name", ""))
     for name in results.sweeps:
         for module in SWEEP_FIGURES:
+            if NEEDED.get(module, "status") not in results.sweep(name):
+                continue
             yield (f"{module}_{name}", module, lambda name=name: results.sweep(name),
                    {"title": _sweep_title(deck, name, module), "claims": _claims(results, name)})
     for name in results.responses:

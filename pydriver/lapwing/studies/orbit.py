@@ -283,9 +283,9 @@ def cascade(make, low, high, start, doublings, *, cycles=1, settle=400, numerics
 
     1. The first doubling lies between `low` and `high` (`period_doubling`).
     2. A third of the expected step beyond it the doubled motion attracts: settle there, polish it.
-    3. Follow it on, in quarters of the expected step or less, until its multiplier passes -1.  Steps are
-       expected to shrink by Feigenbaum's 4.669; the first is taken as a quarter of `high` less
-       the doubling itself.
+    3. Follow it on, in quarters of the expected step or less, until its multiplier passes -1.
+       Steps are expected to shrink by Feigenbaum's 4.669; the first is taken as a quarter of
+       `high` less the doubling itself.
 
     Returns
     -------

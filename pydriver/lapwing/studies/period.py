@@ -58,3 +58,23 @@ def _remaining(difference, pairs, p):
     early, late = np.max(difference[:half]), np.max(difference[half:])
     ratio = (late / early) ** (p / half)
     return last / (1 - ratio) if ratio < 1 else np.inf
+
+
+def motion_class(period, drive, coast, chatter):
+    """`p:(i,j)`, i and j impacts counted at the drive and the coast flank in p cycles.
+
+    Parameters
+    ----------
+    period : int, NO_PERIOD: aperiodic
+    drive, coast : array (n,), counted impacts of each cycle, n >= period
+    chatter : bool, whether a chatter was complete; marked `c`, for the count then hangs on its
+        threshold
+
+    Returns
+    -------
+    str
+    """
+    if not period:
+        return "aperiodic" + " c" * bool(chatter)
+    i, j = (int(np.sum(counts[-period:])) for counts in (drive, coast))
+    return f"{period}:({i},{j})" + "c" * bool(chatter)

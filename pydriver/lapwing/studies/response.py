@@ -16,7 +16,8 @@ import numpy as np
 from lapwing import engine
 from lapwing.codes import EventKind, MotionState, Status
 from lapwing.engine import CYCLE_NAMES, Numerics, TrajectoryCall, Wanted
-from lapwing.studies.period import MAX_PERIOD, find_period
+from lapwing.studies.period import MAX_PERIOD, find_period, motion_class
+from lapwing.studies.stability import stability_attributes
 from lapwing.studies.sweep import LABELS
 from lapwing.studies.trajectory import check_start, engine_start
 
@@ -33,10 +34,11 @@ TIGHTEST_RTOL = 1e-13
 
 
 def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, record_cycles=100,
-             samples_per_cycle=400, method="auto", rtol=1e-8, max_period=MAX_PERIOD, count_depth=0.01,
-             chatter_tol=None, max_events_per_cycle=1_000_000, max_steps_per_cycle=10_000_000,
-             order=0, brake_torque=None, claim_impacts_per_cycle=None,
-             claim_deepest_separation=None, claim_text=None):
+             samples_per_cycle=400, exponents=False, method="auto", rtol=1e-8,
+             max_period=MAX_PERIOD, count_depth=0.01, chatter_tol=None,
+             max_events_per_cycle=1_000_000, max_steps_per_cycle=10_000_000, order=0,
+             brake_torque=None, claim_impacts_per_cycle=None, claim_deepest_separation=None,
+             claim_text=None):
     """Settle, record, and estimate the error of every number by a second run.
 
     1. Follow the motion over the cycles to settle, recording nothing; whole cycles are recorded,
@@ -54,6 +56,7 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
     name : str
     start, phase : as for `simulate`, but for the end of another run
     settle_cycles, record_cycles, samples_per_cycle : int; >= 0, >= 1, >= 1
+    exponents : bool, whether Floquet multipliers and Lyapunov exponents are wanted
     method, rtol, count_depth, chatter_tol, max_events_per_cycle, max_steps_per_cycle : see `Numerics`
     max_period, order : int; mesh cycles, and the place among the responses of a deck
     brake_torque : float, N·m; default: the one that gives the oscillator's force at balance
@@ -88,12 +91,13 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
     numerics = Numerics(method=method, rtol=rtol, **tolerances)
     main, reference = (
         _Outcome.of(osc, pair, _record(osc, (*engine_start(osc, start), phase), span, grid,
-                                       one), max_period)
+                                       one, exponents), max_period)
         for one in (numerics, Numerics(method="rk4", rtol=other, **tolerances)))
     settings = {
         "name": name, "order": order,
         "brake_torque": osc.force / pair.force_per_torque if brake_torque is None else brake_torque,
-        "mesh_period_s": osc.period / pair.natural_frequency, "method": engine.method_of(osc, numerics), "rtol": rtol,
+        "mesh_period_s": osc.period / pair.natural_frequency,
+        "method": engine.method_of(osc, numerics), "rtol": rtol,
         "rtol_reference": other, "start_phase": phase,
         "start": start if isinstance(start, str) else " ".join(map(str, start)),
         "settle_cycles": settle_cycles, "record_cycles": record_cycles,
@@ -103,7 +107,9 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
         "claim_deepest_separation": claim_deepest_separation, "claim_text": claim_text}
     given = {key: value for key, value in settings.items() if value is not None}
     return _dataset(osc, pair, main, stored).assign_attrs(
-        given | _law_attributes(osc) | _findings(main, reference))
+        given | _law_attributes(osc) | _findings(main, reference)
+        | stability_attributes(osc, main.recording.tangent, main.recording.cycles, main.period,
+                               max_period))
 
 
 def _check(phase, **whole):
@@ -139,9 +145,10 @@ class _Recording:
     log: np.ndarray
     cycles: np.ndarray
     samples: np.ndarray
+    tangent: np.ndarray | None = None
 
 
-def _record(osc, start, span, grid, numerics):
+def _record(osc, start, span, grid, numerics, exponents=False):
     """Settle and record.
 
     The cycle before the first recorded one is watched already, for an impact counts with the
@@ -157,16 +164,16 @@ def _record(osc, start, span, grid, numerics):
                              np.tile(grid * osc.period, record)])
     if status == Status.OK:
         call = TrajectoryCall(osc, start, blob, watched, numerics=numerics,
-                              wanted=Wanted(events=True, cycles=True))
+                              wanted=Wanted(events=True, cycles=True, tangent=exponents))
         call.run((first + record + 1, 0.0), np.vstack([times, (first + record, 0.0)]))
         status = call.status
     if status != Status.OK:
         return _Recording(status, grid, np.zeros((0, 6)), np.full((record, 17), np.nan),
                           np.full((len(times) + 1, 3), np.nan))
     log, cycles = call.log - first * np.eye(6)[1], call.cycles - first * np.eye(17)[0]
-    log, cycles = (table[(table[:, i] >= 0) & (table[:, i] < record)]
-                   for table, i in ((log, 1), (cycles, 0)))
-    return _Recording(status, grid, log, cycles, call.samples)
+    kept = [(table[:, i] >= 0) & (table[:, i] < record) for table, i in ((log, 1), (cycles, 0))]
+    return _Recording(status, grid, log[kept[0]], cycles[kept[1]], call.samples,
+                      call.tangent[kept[1]] if exponents else None)
 
 
 @dataclass(frozen=True)
@@ -186,7 +193,10 @@ class _Outcome:
         deepest = column["deepest_separation"].max()
         period = find_period(column["phi"], column["phi_dot"], labels,
                              max(abs(osc.force), deepest) or osc.backlash, max_period)
-        return cls(recording, by_cycle, period, _motion_class(by_cycle, period, recording.status))
+        name = "failed" if recording.status != Status.OK else motion_class(
+            period, *(by_cycle[key] for key in MEANS[:2]),
+            np.any(by_cycle["chatter_ends_per_cycle"] > 0))
+        return cls(recording, by_cycle, period, name)
 
     def number(self, key, half=None):
         """One number of the summary, over all recorded cycles or their first or second half.
@@ -228,17 +238,6 @@ def _by_cycle(osc, pair, recording, column):
             "deepest_separation": column["deepest_separation"],
             "deepest_back_penetration": column["deepest_back_penetration"],
             "states_visited": column["states_visited"]}
-
-
-def _motion_class(by_cycle, period, status):
-    """`p:(i,j)`, i and j impacts counted at the drive and the coast flank in p cycles."""
-    if status != Status.OK:
-        return "failed"
-    chatter = bool(np.any(by_cycle["chatter_ends_per_cycle"] > 0))
-    if not period:
-        return "aperiodic" + " c" * chatter
-    drive, coast = (int(np.sum(by_cycle[key][-period:])) for key in MEANS[:2])
-    return f"{period}:({drive},{coast})" + "c" * chatter
 
 
 def _contact_forces(osc, recording):

@@ -14,7 +14,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from lapwing.engine import TANGENT_NAMES
+from lapwing.engine import CYCLE_NAMES, TANGENT_NAMES
+from lapwing.studies.period import REPEAT_TOLERANCE
 
 # A matrix is wrong by η/(2d), relatively, when the state is known to η only and some impact of the
 # cycle was a graze that went d deep.  Periodic states repeat to η = 1e-8 of the motion's size
@@ -296,8 +297,94 @@ def defects(maps, osc):
     with np.errstate(under="ignore"):
         det = maps.det_sign * np.exp(np.where(maps.rank == 2, maps.log_det, -math.inf)
                                      - 2 * maps.exponent * math.log(2))
-    size = np.maximum(np.abs(m).max(axis=(-2, -1)), np.finfo(float).tiny) ** 2
-    determinant = np.abs(m[..., 0, 0] * m[..., 1, 1] - m[..., 0, 1] * m[..., 1, 0] - det) / size
+    size = np.abs(m).max(axis=(-2, -1)) ** 2
+    determinant = np.abs(m[..., 0, 0] * m[..., 1, 1] - m[..., 0, 1] * m[..., 1, 0] - det) \
+        / np.where(size > 0, size, 1)
     with np.errstate(invalid="ignore"):
         rule = np.abs(maps.log_det - sum_rule(maps, osc)) / np.maximum(1, np.abs(maps.log_det))
     return determinant, rule
+
+
+def findings(maps, osc, period, scale, grown=None):
+    """Stability of one motion, as numbers to store.
+
+    Parameters
+    ----------
+    maps : CycleMaps of a single motion
+    osc : Oscillator
+    period : int, cycles after which it repeats; 0: none
+    scale : float, rad; size of the motion
+    grown : array (n,) or None, `growth(maps)` where it is known already
+
+    Returns
+    -------
+    (dict, Exponents)
+        The dict has every name of NUMBERS and `multipliers`, complex (2,), NaN without a period.
+    """
+    found = exponents(maps, period, scale, grown)
+    determinant, rule = defects(maps, osc)
+    values = multipliers(maps[-period:], scale).values if period else np.full(2, complex(np.nan))
+    return {"lyapunov_exponent": found.largest, "lyapunov_exponent_error": found.error,
+            "lyapunov_exponent_per_cycle": found.per_cycle[0],
+            "second_lyapunov_exponent": found.second, "tangent_rank": found.rank,
+            "near_grazes": found.grazes, "determinant_defect": float(determinant.max()),
+            "sum_rule_defect": float(np.max(rule, initial=0.0, where=np.isfinite(rule))),
+            "multipliers": values}, found
+
+
+def why_aperiodic(found, max_period, apart):
+    """Why no period was found, in words.
+
+    Parameters
+    ----------
+    found : Exponents of the motion
+    max_period : int, longest period looked for
+    apart : float, least difference of the last cycle's state from an earlier one, of its size
+
+    Returns
+    -------
+    str
+    """
+    rate, error = found.per_cycle
+    if math.isfinite(error) and rate - error > 0:
+        return "chaos: nearby motions part"
+    if (math.isfinite(error) and rate + error < 0) or rate == -math.inf:
+        words = f"not chaos, for deviations die out: longer than {max_period} mesh cycles"
+        if -math.inf < rate < 0 and apart > REPEAT_TOLERANCE:
+            more = math.log(REPEAT_TOLERANCE / apart) / rate
+            words += f", or not settled, which would take some {more:.2g} more"
+        return words
+    return f"undecided: neither a period up to {max_period} mesh cycles nor a sign of the exponent"
+
+
+def stability_attributes(osc, rows, cycles, period, max_period):
+    """`findings` of a response as attributes, with the reason where it has no period.
+
+    Parameters
+    ----------
+    osc : Oscillator
+    rows, cycles : array (n, 13) and (n, 17), the engine's lines of the recorded cycles; rows may
+        be None: nothing was wanted
+    period, max_period : int
+
+    Returns
+    -------
+    dict
+        The names of NUMBERS, `multiplier_real` and `multiplier_imag` (2,) where there is a period,
+        else `aperiodic_reason`; `stability_warning` where there is one.
+    """
+    if rows is None:
+        return {}
+    depth, *section = (cycles[:, CYCLE_NAMES.index(name)]
+                       for name in ("deepest_separation", "phi", "phi_dot"))
+    scale = max(abs(osc.force), depth.max()) or osc.backlash
+    numbers, found = findings(CycleMaps.from_rows(rows, osc.period), osc, period, scale)
+    values = numbers.pop("multipliers")
+    if period:
+        numbers |= {"multiplier_real": values.real, "multiplier_imag": values.imag}
+    else:
+        states = np.column_stack(section)
+        apart = np.abs(states[-1] - states[max(0, len(states) - 1 - max_period):-1]).max(axis=1)
+        numbers["aperiodic_reason"] = why_aperiodic(
+            found, max_period, float(np.min(apart, initial=scale)) / scale)
+    return numbers | ({"stability_warning": found.warning} if found.warning else {})

@@ -10,11 +10,13 @@ from lapwing import engine
 from lapwing.codes import EventKind, Status
 from lapwing.engine import CYCLE_NAMES, Numerics, Wanted, work_counts
 from lapwing.gear_pair import GearPair
+from lapwing.stability_names import NUMBERS
 from lapwing.studies.period import find_period
+from lapwing.studies.stability import CycleMaps, findings, growth
 from lapwing.threads import default_threads
 
 STARTS = ("rest", "up", "down")
-RECORDS = ("cycles", "impacts")
+RECORDS = ("cycles", "impacts", "exponents")
 # Columns of the cycle table that must match between cycles of a periodic motion: the strobed
 # motion state, counted impacts, releases, engages and chatter ends. Resolved chatter impacts are
 # left out: how many are listed before a chatter is summed is a matter of the last bit.
@@ -22,7 +24,9 @@ LABELS = ("motion_state", "counted_impacts", "counted_back_impacts", "releases",
           "engages", "back_engages", "chatter_ends", "back_chatter_ends")
 UNITS = {"phi": "rad", "phi_dot": "rad per tau", "deepest_separation": "rad",
          "deepest_back_penetration": "rad", "impact_phase": "mesh periods",
-         "impact_velocity": "rad per tau"}
+         "impact_velocity": "rad per tau", "lyapunov_exponent": "per tau",
+         "lyapunov_exponent_error": "per tau", "second_lyapunov_exponent": "per tau",
+         "lyapunov_exponent_per_cycle": "per mesh cycle"}
 PARAMETER_UNITS = {"brake_torque": "N m", "drive_torque": "N m", "pinion_speed_rpm": "rev/min",
                    "pinion_speed_rad_s": "rad/s", "mesh_frequency_hz": "Hz",
                    "pinion_base_lever": "m", "mesh_stiffness": "N/m", "backlash": "rad",
@@ -45,8 +49,9 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
     starts : of 'rest' (each value from rest), 'up' and 'down' (each value from where the next
         lower or higher one ended)
     settle, record : int, mesh cycles before recording (>= 0), and recorded (>= 1)
-    observe : of 'cycles' (statistics of each recorded cycle) and 'impacts' (phase and speed of
-        up to `max_impacts` recorded impacts); the rest costs nothing
+    observe : of 'cycles' (statistics of each recorded cycle), 'impacts' (phase and speed of up to
+        `max_impacts` recorded impacts) and 'exponents' (Lyapunov exponents of every motion,
+        Floquet multipliers of the periodic ones; wants 'cycles'); the rest costs nothing
     phase : float, mesh phase at the start
     method, rtol, chatter_tol, count_depth, max_events_per_cycle, max_steps_per_cycle : see `Numerics`
     threads : int or None; default `default_threads()`; results do not depend on it
@@ -69,7 +74,8 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
     numerics = Numerics(method=method, rtol=rtol, chatter_tol=chatter_tol, count_depth=count_depth,
                         max_events_per_cycle=max_events_per_cycle,
                         max_steps_per_cycle=max_steps_per_cycle)
-    wanted = Wanted(cycles="cycles" in observe, strobe=True, impacts="impacts" in observe)
+    wanted = Wanted(cycles="cycles" in observe, strobe=True, impacts="impacts" in observe,
+                    tangent="exponents" in observe)
     oscillators = [_oscillator(pair, te, parameter, value, operation) for value in values]
     if any(osc.force < 0 and osc.gap == "one_flank" for osc in oscillators):
         raise ValueError("sweep: rest with a negative force needs a coast flank to rest on")
@@ -97,6 +103,8 @@ def _check(parameter, values, starts, settle, record, observe, max_impacts):
             problems.append(f"{key} = {given!r}, a tuple of {', '.join(allowed)} is meant")
     if not starts:
         problems.append("starts is empty")
+    if "exponents" in observe and "cycles" not in observe:
+        problems.append("observe: 'exponents' wants 'cycles' beside it")
     for key, given, least in (("settle", settle, 0), ("record", record, 1),
                               ("max_impacts", max_impacts, 1)):
         if not (isinstance(given, int | np.integer) and least <= given < engine.MAX_INT):
@@ -145,6 +153,8 @@ def _dataset(result, oscillators, parameter, values, starts, wanted, phase, attr
         data[name] = ((*by_point, "recorded_cycle"), table)
     if wanted.cycles:
         data["period"] = (by_point, _periods(tables, oscillators))
+    if wanted.tangent:
+        data |= _stability(result, tables, data["period"][1], oscillators, by_point)
     if wanted.impacts:
         data |= _impacts(result, oscillators, shape, by_point)
     dataset = xr.Dataset(data, coords, {**attrs, "phase": phase})
@@ -172,6 +182,27 @@ def _periods(tables, oscillators):
         scale = max(abs(oscillators[j].force), table[:, deepest].max()) or oscillators[j].backlash
         periods[i, j] = find_period(table[:, phi], table[:, phi_dot], table[:, labels], scale)
     return periods
+
+
+def _stability(result, tables, periods, oscillators, by_point):
+    """Exponents, multipliers and their checks, `stability.findings`; NaN where a run failed."""
+    rows = result.tangent.reshape(*periods.shape, *result.tangent.shape[1:])
+    depth = tables[..., CYCLE_NAMES.index("deepest_separation")].max(axis=-1)
+    grown = growth(CycleMaps.from_rows(rows, 1.0))
+    data = {name: np.full(periods.shape, np.nan) for name in NUMBERS}
+    values = np.full((*periods.shape, 2), np.nan, dtype=complex)
+    for i, j in np.ndindex(*periods.shape):
+        if np.any(np.isnan(rows[i, j])):
+            continue
+        osc = oscillators[j]
+        found = findings(CycleMaps.from_rows(rows[i, j], osc.period), osc, int(periods[i, j]),
+                         max(abs(osc.force), depth[i, j]) or osc.backlash, grown[i, j])[0]
+        values[i, j] = found.pop("multipliers")
+        for name, number in found.items():
+            data[name][i, j] = number
+    dims = (*by_point, "multiplier")
+    return {name: (by_point, column) for name, column in data.items()} | {
+        "multiplier_real": (dims, values.real), "multiplier_imag": (dims, values.imag)}
 
 
 def _impacts(result, oscillators, shape, by_point):
