@@ -35,13 +35,24 @@ def stability_sentence(attrs):
                 "largest Lyapunov exponent is ")
     else:
         text = "The largest Lyapunov exponent is "
-    return f"{text}{_exponent(attrs)}." + _checks(attrs)
+    return f"{text}{_exponent(attrs)}." + _confirmed(attrs) + _checks(attrs)
 
 
 def aperiodic_words(attrs):
     """Reason why a response has no period, to follow the statement; empty if none is known."""
     reason = attrs.get("aperiodic_reason", "")
     return f" ({reason})" if reason else ""
+
+
+def _confirmed(attrs):
+    """What Newton's method says of the period, where it does not agree."""
+    found = attrs.get("orbit_period", attrs["period"])
+    if found == attrs["period"]:
+        return ""
+    if found:
+        return (f" **Not settled: Newton's method finds that the motion will repeat every "
+                f"{_cycles(found)}.**")
+    return " **Newton's method finds no orbit of this period beside it.**"
 
 
 def _cycles(period):

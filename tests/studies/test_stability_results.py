@@ -11,10 +11,11 @@ from lapwing.engine import CYCLE_NAMES, Numerics, TrajectoryCall, Wanted
 from lapwing.plots import exponents as figure
 from lapwing.results import read_results, write_results
 from lapwing.stability_names import NUMBERS, STABILITY
+from lapwing.studies.motion import why_aperiodic
 from lapwing.studies.orbit import find_orbit, settled_state
 from lapwing.studies.period import find_period, motion_class
 from lapwing.studies.response import response
-from lapwing.studies.stability import CycleMaps, Exponents, exponents, why_aperiodic
+from lapwing.studies.stability import CycleMaps, Exponents, exponents
 from lapwing.summary import summary_text
 
 OPERATION = {"pinion_speed_rpm": 240, "impact_law": "relative"}
@@ -117,6 +118,7 @@ def results(tmp_path_factory, swept, rigid):
 
 def test_attributes_of_responses(results):
     focus = results.response("focus").attrs
+    assert focus["orbit_period"] == 1 and focus["orbit_distance"] < 1e-9
     assert focus["multiplier_real"] == pytest.approx([-0.22870650, 0.00226684], abs=1e-7)
     assert focus["lyapunov_exponent"] == pytest.approx(
         math.log(0.22870650) / scene_a(3.3).period, rel=1e-6)
@@ -191,7 +193,8 @@ def period_of(osc, start, settle, cycles=100):
 DOUBLING = math.hypot(math.pi / 3, 2 * 1.25 / 1.5**2)  # of the ball at ε = 0.5
 
 
-@pytest.mark.parametrize("settle", [100, 1000, 3000, 10_000, 30_000, 60_000])
+@pytest.mark.parametrize("settle", [100, 3000, 10_000, 13_000, 15_000, 17_000, 19_000, 22_000,
+                                    30_000])
 def test_a_decaying_flip_is_never_period_two(settle):
     """Just before the doubling a multiplier is -0.9993: states alternate for 17,000 cycles.
 
@@ -201,7 +204,7 @@ def test_a_decaying_flip_is_never_period_two(settle):
     osc = ball(gamma, 0.5)
     state, phi, phi_dot = ball_start(gamma, 0.5)
     period, call, size = period_of(osc, (state, phi, phi_dot + 1e-3), settle)
-    assert period == (1 if settle >= 30_000 else 0)
+    assert period == (1 if settle >= 19_000 else 0)
     orbit = find_orbit(osc, ball_start(gamma, 0.5), 2)
     assert orbit.cycles == 1
     multiplier = orbit.multipliers.values[0].real

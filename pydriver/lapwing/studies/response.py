@@ -16,8 +16,8 @@ import numpy as np
 from lapwing import engine
 from lapwing.codes import EventKind, MotionState, Status
 from lapwing.engine import CYCLE_NAMES, Numerics, TrajectoryCall, Wanted
+from lapwing.studies.motion import motion_attributes
 from lapwing.studies.period import MAX_PERIOD, find_period, motion_class
-from lapwing.studies.stability import stability_attributes
 from lapwing.studies.sweep import LABELS
 from lapwing.studies.trajectory import check_start, engine_start
 
@@ -108,8 +108,7 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
     given = {key: value for key, value in settings.items() if value is not None}
     return _dataset(osc, pair, main, stored).assign_attrs(
         given | _law_attributes(osc) | _findings(main, reference)
-        | stability_attributes(osc, main.recording.tangent, main.recording.cycles, main.period,
-                               max_period))
+        | motion_attributes(osc, main.recording, main.period, max_period, numerics))
 
 
 def _check(phase, **whole):

@@ -14,8 +14,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from lapwing.engine import CYCLE_NAMES, TANGENT_NAMES
-from lapwing.studies.period import REPEAT_TOLERANCE
+from lapwing.engine import TANGENT_NAMES
 
 # A matrix is wrong by η/(2d), relatively, when the state is known to η only and some impact of the
 # cycle was a graze that went d deep.  Periodic states repeat to η = 1e-8 of the motion's size
@@ -330,61 +329,3 @@ def findings(maps, osc, period, scale, grown=None):
             "near_grazes": found.grazes, "determinant_defect": float(determinant.max()),
             "sum_rule_defect": float(np.max(rule, initial=0.0, where=np.isfinite(rule))),
             "multipliers": values}, found
-
-
-def why_aperiodic(found, max_period, apart):
-    """Why no period was found, in words.
-
-    Parameters
-    ----------
-    found : Exponents of the motion
-    max_period : int, longest period looked for
-    apart : float, least difference of the last cycle's state from an earlier one, of its size
-
-    Returns
-    -------
-    str
-    """
-    rate, error = found.per_cycle
-    if math.isfinite(error) and rate - error > 0:
-        return "chaos: nearby motions part"
-    if (math.isfinite(error) and rate + error < 0) or rate == -math.inf:
-        words = f"not chaos, for deviations die out: longer than {max_period} mesh cycles"
-        if -math.inf < rate < 0 and apart > REPEAT_TOLERANCE:
-            more = math.log(REPEAT_TOLERANCE / apart) / rate
-            words += f", or not settled, which would take some {more:.2g} more"
-        return words
-    return f"undecided: neither a period up to {max_period} mesh cycles nor a sign of the exponent"
-
-
-def stability_attributes(osc, rows, cycles, period, max_period):
-    """`findings` of a response as attributes, with the reason where it has no period.
-
-    Parameters
-    ----------
-    osc : Oscillator
-    rows, cycles : array (n, 13) and (n, 17), the engine's lines of the recorded cycles; rows may
-        be None: nothing was wanted
-    period, max_period : int
-
-    Returns
-    -------
-    dict
-        The names of NUMBERS, `multiplier_real` and `multiplier_imag` (2,) where there is a period,
-        else `aperiodic_reason`; `stability_warning` where there is one.
-    """
-    if rows is None:
-        return {}
-    depth, *section = (cycles[:, CYCLE_NAMES.index(name)]
-                       for name in ("deepest_separation", "phi", "phi_dot"))
-    scale = max(abs(osc.force), depth.max()) or osc.backlash
-    numbers, found = findings(CycleMaps.from_rows(rows, osc.period), osc, period, scale)
-    values = numbers.pop("multipliers")
-    if period:
-        numbers |= {"multiplier_real": values.real, "multiplier_imag": values.imag}
-    else:
-        states = np.column_stack(section)
-        apart = np.abs(states[-1] - states[max(0, len(states) - 1 - max_period):-1]).max(axis=1)
-        numbers["aperiodic_reason"] = why_aperiodic(
-            found, max_period, float(np.min(apart, initial=scale)) / scale)
-    return numbers | ({"stability_warning": found.warning} if found.warning else {})
