@@ -155,7 +155,8 @@ class TrajectoryCall:
     """One trajectory under way: repeated bounded calls from a start, or from a blob, to a target.
 
     After `run`, `log` is (n, 6): kind, cycle, t, phi, velocity before and after; `cycles` is
-    (n, 17), columns CYCLE_NAMES; `tangent` is (n, 13), columns TANGENT_NAMES; `samples` is (n, 3): motion state, phi, phi'.
+    (n, 17), columns CYCLE_NAMES; `tangent`, where it is wanted, (n, 13), columns TANGENT_NAMES;
+    `samples` is (n, 3): motion state, phi, phi'.
     """
 
     def __init__(self, osc, start, blob=None, cycle=0, *, numerics, wanted):

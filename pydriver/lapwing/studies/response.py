@@ -16,7 +16,7 @@ import numpy as np
 from lapwing import engine
 from lapwing.codes import EventKind, MotionState, Status
 from lapwing.engine import CYCLE_NAMES, Numerics, TrajectoryCall, Wanted
-from lapwing.studies.motion import motion_attributes
+from lapwing.studies import motion
 from lapwing.studies.period import MAX_PERIOD, find_period, motion_class
 from lapwing.studies.sweep import LABELS
 from lapwing.studies.trajectory import check_start, engine_start
@@ -27,8 +27,8 @@ FORCE_SPACING = 0.1
 # Averages over cycles, and largest values over cycles.
 MEANS = ("impacts_per_cycle", "back_impacts_per_cycle", "resolved_impacts_per_cycle",
          "resolved_back_impacts_per_cycle", "chatter_ends_per_cycle", "mesh_force_mean",
-         "impact_force_mean", "impact_energy_per_cycle")
-PEAKS = ("deepest_separation", "deepest_back_penetration", "mesh_force_peak")
+         "impact_force_mean", "impact_energy_per_cycle", *motion.SHARES)
+PEAKS = ("deepest_separation", "deepest_back_penetration", "mesh_force_peak", "impact_speed_max")
 FLOATS = ("phi", "phi_dot", "deepest_separation", "deepest_back_penetration")
 TIGHTEST_RTOL = 1e-13
 
@@ -107,8 +107,9 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
         "claim_deepest_separation": claim_deepest_separation, "claim_text": claim_text}
     given = {key: value for key, value in settings.items() if value is not None}
     return _dataset(osc, pair, main, stored).assign_attrs(
-        given | _law_attributes(osc) | _findings(main, reference)
-        | motion_attributes(osc, main.recording, main.period, max_period, numerics))
+        given | motion.law_attributes(osc) | _findings(main, reference)
+        | motion.impact_attributes(osc, pair, main.recording.log, main.number("mesh_force_peak"))
+        | motion.motion_attributes(osc, main.recording, main.period, max_period, numerics))
 
 
 def _check(phase, **whole):
@@ -224,8 +225,9 @@ def _by_cycle(osc, pair, recording, column):
     _, cycle, _, _, before, after = recording.log[impacts].T
     np.add.at(force, cycle.astype(int), newton * (before - after) / osc.period)
     np.add.at(energy, cycle.astype(int), 0.5 * pair.torsional_stiffness * (before**2 - after**2))
+    fastest = motion.fastest_impacts(recording.log, record, pair.natural_frequency)
     if recording.status != Status.OK:
-        force, energy = force * np.nan, energy * np.nan
+        force, energy, fastest = force * np.nan, energy * np.nan, fastest * np.nan
     # Without restitution nothing is an impact; there each arrival of a free tooth counts.
     counts = (("engages", "back_engages", "engages", "back_engages")
               if osc.contact_law == "compliant" else
@@ -236,7 +238,8 @@ def _by_cycle(osc, pair, recording, column):
             "impact_force_mean": force, "impact_energy_per_cycle": energy,
             "deepest_separation": column["deepest_separation"],
             "deepest_back_penetration": column["deepest_back_penetration"],
-            "states_visited": column["states_visited"]}
+            "states_visited": column["states_visited"], "impact_speed_max": fastest,
+            **motion.shares_of_time(recording.log, column["motion_state"], osc.period)}
 
 
 def _contact_forces(osc, recording):
@@ -338,12 +341,6 @@ def _findings(main, reference):
         if status == Status.OK else 0
     return attrs | {"states_visited": int(visited),
                     "fully_engaged": int(visited == 1 << MotionState.ENGAGEMENT)}
-
-
-def _law_attributes(osc):
-    names = ("force", "mesh_frequency_ratio", "contact_law", "impact_law", "gap", "te_sign",
-             "gap_width", "restitution", "damping_ratio", "backlash")
-    return {"back_flank_te": int(osc.back_flank_te)} | {key: getattr(osc, key) for key in names}
 
 
 def _dataset(osc, pair, outcome, stored):
