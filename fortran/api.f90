@@ -80,7 +80,8 @@ contains
   !> Go on with a sweep until it is done or the deadline has come.
   subroutine sweep(n_pieces, knots, coefficients, kinks, n_series, series, n_reals, n_points, &
       reals, n_choices, choices, n_lines, lines, starts, seconds, n_threads, n_blob, blobs, &
-      n_record, cycles, n_tangent, n_tangent_points, tangent, n_log, log, n_outcome, outcome)
+      n_record, cycles, n_tangent, n_tangent_points, tangent, n_bins, n_density_points, density, &
+      n_log, log, n_outcome, outcome)
     use lapwing_marshal, only: go_on_with_sweep
     integer(c_int), intent(in) :: n_pieces                          !! table pieces
     real(c_double), intent(in) :: knots(n_pieces + 1)               !! mesh phase
@@ -108,6 +109,9 @@ contains
     integer(c_int), intent(in) :: n_tangent                         !! cycles with a tangent map
     integer(c_int), intent(in) :: n_tangent_points                  !! points with them, or 1
     real(c_double), intent(inout) :: tangent(13, n_tangent, n_tangent_points) !! tangent maps
+    integer(c_int), intent(in) :: n_bins                            !! bins of impact speeds, or 1
+    integer(c_int), intent(in) :: n_density_points                  !! points with them, or 1
+    real(c_double), intent(inout) :: density(n_bins, n_density_points) !! impacts by speed
     integer(c_int), intent(in) :: n_log                             !! room in each log
     real(c_double), intent(inout) :: log(6, n_log, n_points)        !! impacts
     integer(c_int), intent(in) :: n_outcome                         !! outcome columns
@@ -115,6 +119,6 @@ contains
                                                                     !! state, phi, phi', work
     !f2py threadsafe
     call go_on_with_sweep(knots, coefficients, kinks, series, reals, choices, lines, starts, &
-        seconds, n_threads, blobs, cycles, tangent, log, outcome)
+        seconds, n_threads, blobs, cycles, tangent, density, log, outcome)
   end subroutine sweep
 end module api

@@ -24,8 +24,8 @@ module lapwing_marshal
   public :: all_sizes, all_codes, evaluate, go_on_with_trajectory, go_on_with_sweep
 
   !> force, Omega, flank scale, peak-to-peak of g, xi, epsilon, theta0, rtol, chatter tolerance,
-  !> count depth, graze distance
-  integer, parameter :: n_reals = 11
+  !> count depth, graze distance, slowest and fastest impact binned
+  integer, parameter :: n_reals = 13
   !> contact law, impact law, gap, back_flank_te, largest numbers of events and of steps in a
   !> cycle; events, impacts, grazes, strobe, cycles wanted; settling cycles, recorded cycles; method;
   !> tangent maps wanted
@@ -98,6 +98,8 @@ contains
     type(recorder_t) :: recorder
     recorder%count_depth = reals(10)
     recorder%graze_distance = reals(11)
+    recorder%density%low = reals(12)
+    recorder%density%high = reals(13)
     recorder%want_events = choices(7) == 1
     recorder%want_impacts = choices(8) == 1
     recorder%want_grazes = choices(9) == 1
@@ -160,7 +162,7 @@ contains
 
   !> See `api`.
   subroutine go_on_with_sweep(knots, coefficients, kinks, series, reals, choices, lines, starts, &
-      seconds, n_threads, blobs, cycles, tangent, log, outcome)
+      seconds, n_threads, blobs, cycles, tangent, density, log, outcome)
     real(c_double), intent(in) :: knots(:)                          !! mesh phase
     real(c_double), intent(in) :: coefficients(:, :)                !! (6, n)
     integer(c_int), intent(in) :: kinks(:)                          !! 1: slope jump
@@ -174,6 +176,7 @@ contains
     real(c_double), intent(inout) :: blobs(:, :)                    !! runs under way
     real(c_double), intent(inout), target, contiguous :: cycles(:, :, :)   !! (17, record, points)
     real(c_double), intent(inout), target, contiguous :: tangent(:, :, :)  !! (13, record, points)
+    real(c_double), intent(inout), target, contiguous :: density(:, :)     !! (bins, points) or 1
     real(c_double), intent(inout), target, contiguous :: log(:, :, :)      !! (6, room, points)
     real(c_double), intent(inout), target, contiguous :: outcome(:, :)     !! (columns, points)
     type(sweep_t) :: sweep
@@ -192,6 +195,7 @@ contains
     sweep%record = choices(13)
     sweep%cycles => cycles
     sweep%tangent => tangent
+    if (size(density, 1) > 1) sweep%density => density
     sweep%log => log
     sweep%outcome => outcome
     do i = 1, size(line)

@@ -7,6 +7,7 @@ module lapwing_recorder
   use lapwing_event_search, only: work_t
   use lapwing_hybrid_state, only: segment_t, event_t
   use lapwing_polynomial, only: max_degree, horner, bernstein, critical_points
+  use lapwing_speed_density, only: speed_density_t, count_speed
   use lapwing_system, only: system_t, instant_t, frame_t, max_states
   use lapwing_tangent_map, only: tangent_t, carry_along, jump, tangent_row
   implicit none
@@ -58,6 +59,7 @@ module lapwing_recorder
     real(wp), pointer, contiguous :: tangent(:, :) => null()       !! (tangent_columns, room)
     real(wp), pointer, contiguous :: sample_time(:, :) => null()   !! (2, n): cycle, time in it
     real(wp), pointer, contiguous :: samples(:, :) => null()       !! (sample_columns, n)
+    type(speed_density_t) :: density           !! speeds of impacts
     type(sums_t) :: sums
   end type recorder_t
 
@@ -103,6 +105,7 @@ contains
     if (self%want_tangent) call jump(self%sums%tangent, system, self%contact, segment)
     do i = 1, segment%n_events
       call log_line(self, segment%events(i))
+      call count_speed(self%density, segment%events(i))
       if (self%want_cycles) call count_event(self, segment%events(i))
     end do
   end subroutine record_segment

@@ -34,6 +34,7 @@ module lapwing_sweep
     real(wp), pointer, contiguous :: cycles(:, :, :) => null()     !! (columns, record, n_points)
     real(wp), pointer, contiguous :: tangent(:, :, :) => null()    !! (columns, record, n_points)
     real(wp), pointer, contiguous :: log(:, :, :) => null()        !! (columns, room, n_points)
+    real(wp), pointer, contiguous :: density(:, :) => null()       !! (bins + 2, n_points) or null
     real(wp), pointer, contiguous :: outcome(:, :) => null()       !! (4 + work_size, n_points)
   end type sweep_t
 
@@ -148,6 +149,7 @@ contains
       recorder%want_impacts = sweep%recorder%want_impacts
       line%stage = stage_record
     end if
+    if (associated(sweep%density)) recorder%density%counts => sweep%density(:, line%point)
     final_time(:, 1) = [real(sweep%settle + sweep%record, wp), target_t]
     recorder%sample_time => final_time
     recorder%samples => final

@@ -85,7 +85,10 @@ class Numerics:
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """What a run records; what is not named is neither computed nor stored."""
+    """What a run records; what is not named is neither computed nor stored.
+
+    `speed_edges` (rad per τ, of equal ratio; sweeps only) are the bins of impact speeds.
+    """
 
     events: bool = False
     impacts: bool = False
@@ -94,6 +97,7 @@ class Wanted:
     cycles: bool = False
     tangent: bool = False
     graze_distance: float = 0.0
+    speed_edges: tuple = ()
 
 
 def _table_arguments(oscillators):
@@ -122,7 +126,8 @@ def _real_parameters(osc, numerics, wanted):
     low, high = osc.flank_extrema
     return [osc.force, osc.mesh_frequency_ratio, osc.flank_scale, high - low, osc.damping_ratio,
             osc.restitution, osc.backlash, numerics.rtol, chatter_tol, numerics.count_depth,
-            wanted.graze_distance]
+            wanted.graze_distance, *(wanted.speed_edges[::len(wanted.speed_edges) - 1]
+                                     if wanted.speed_edges else (1.0, 2.0))]
 
 
 def _choices(osc, numerics, wanted, settle=0, record=0):
@@ -223,12 +228,13 @@ def work_counts(array):
 class SweepResult:
     """Arrays of a sweep: outcome (points, 5 + work), cycles (points, record, 17), log rows.
 
-    `tangent` is (points, record, 13) where it was wanted.
+    `tangent` is (points, record, 13) where it was wanted, `density` (points, bins + 2).
     """
 
     outcome: np.ndarray
     cycles: np.ndarray
     tangent: np.ndarray
+    density: np.ndarray
     log: np.ndarray
     interrupted: bool = False
 
@@ -267,6 +273,8 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
     cycles = np.full((CYCLE_COLUMNS, record if wants_cycles else 1, n), np.nan, order="F")
     tangent = np.full((TANGENT_COLUMNS, *((record, n) if wanted.tangent else (1, 1))), np.nan,
                       order="F")
+    density = np.zeros((len(wanted.speed_edges) + 1, n) if wanted.speed_edges else (1, 1),
+                       order="F")
     log = np.full((LOG_COLUMNS, log_room if wanted.impacts else 1, n), np.nan, order="F")
     outcome = np.full((5 + WORK_SIZE, n), np.nan, order="F")
     outcome[0] = Status.UNFINISHED
@@ -275,7 +283,7 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
     try:
         while np.any(table[4] < LINE_DONE):
             api.sweep(*_table_arguments(oscillators), reals, choices, table, starts,
-                      CALL_SECONDS, threads, blobs, cycles, tangent, log, outcome)
+                      CALL_SECONDS, threads, blobs, cycles, tangent, density, log, outcome)
             if progress is not None:
                 progress(float(np.mean(outcome[0] != Status.UNFINISHED)))
     except KeyboardInterrupt:
@@ -287,7 +295,7 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
             tangent[:, :, outcome[0] == Status.UNFINISHED] = np.nan
         log[:, :, outcome[0] == Status.UNFINISHED] = np.nan
     return SweepResult(outcome.T, cycles.transpose(2, 1, 0), tangent.transpose(2, 1, 0),
-                       log.transpose(2, 1, 0), interrupted)
+                       density.T, log.transpose(2, 1, 0), interrupted)
 
 
 def position(phase, cycles, period):

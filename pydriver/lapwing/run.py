@@ -145,7 +145,8 @@ def _response(deck, study, order):
 def _sweep(deck, study, threads, done):
     from lapwing.studies.sweep import sweep
 
-    observe = ("cycles", *["impacts"] * study.impacts, *["exponents"] * study.exponents)
+    observe = ("cycles", *["impacts"] * study.impacts, *["exponents"] * study.exponents,
+               *["speeds"] * study.speed_density)
     return sweep(
         deck.gear_pair, deck.te, parameter=study.parameter, values=study.values,
         starts=study.starts, settle=study.settle_cycles, record=study.record_cycles,

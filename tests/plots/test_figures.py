@@ -21,7 +21,8 @@ UNIT = re.compile(r"\((µrad|arcsec|N|N·m|rad/s|mm/s|mN·s|ms|rpm|Hz|mesh perio
                   r"multiples of the mesh frequency|µrad per mesh period|µrad per τ)[;)]")
 # Placing everything takes long, so it is done for the responses most unlike each other only.
 LAID_OUT = ("chatter", "failed", "rigid_engaged")
-WITHOUT_UNIT = ("impacts\nper cycle", "recorded mesh cycle", "larger Floquet\nmultiplier |λ|")
+WITHOUT_UNIT = ("impacts\nper cycle", "recorded mesh cycle", "larger Floquet\nmultiplier |λ|",
+                "impacts per mesh cycle and decade of speed")
 
 
 @pytest.fixture(scope="module")

@@ -273,7 +273,8 @@ class _Studies:
         return Sweep(name=keys.name, parameter=name, group=group, values=values,
                      operation=operation, starts=starts, rtol=self._rtol(reader),
                      settle_cycles=keys.settle_cycles, record_cycles=keys.record_cycles,
-                     impacts=keys.impacts, exponents=keys.exponents)
+                     impacts=keys.impacts, speed_density=keys.speed_density,
+                     exponents=keys.exponents)
 
     def _parameter(self, reader, name):
         """Group of the parameter swept, or None."""

@@ -54,6 +54,7 @@ class Sweep:
     starts : tuple of 'rest', 'up', 'down'
     settle_cycles, record_cycles : int
     impacts : bool, whether every impact is kept
+    speed_density : bool, whether impacts are counted by speed
     exponents : bool, whether multipliers and exponents are found
     rtol : float
     """
@@ -67,6 +68,7 @@ class Sweep:
     settle_cycles: int
     record_cycles: int
     impacts: bool
+    speed_density: bool
     exponents: bool
     rtol: float
 

@@ -32,8 +32,8 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
         axis.set_title(f"({letter}) {panel(axis, sweep)}")
     parameter = sweep_parts.parameter_of(sweep)
     sweep_parts.mark_full_engagement(
-        axes, sweep_parts.full_engagement_of(sweep, full_engagement), axes[0],
-        sweep[parameter].values)
+        axes, sweep_parts.full_engagement_of(sweep, full_engagement), axes[1],
+        sweep[parameter].values, height=0.2)
     sweep_parts.finish(figure, axes, sweep,
                        f"exponents: {sweep.attrs.get('name', '')}" if title is None else title)
     sweep_parts.legend(figure, axes[0], sweep, failed=bool(sweep_parts.failed(sweep).any()))

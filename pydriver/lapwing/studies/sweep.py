@@ -16,7 +16,9 @@ from lapwing.studies.stability import CycleMaps, findings, growth
 from lapwing.threads import default_threads
 
 STARTS = ("rest", "up", "down")
-RECORDS = ("cycles", "impacts", "exponents")
+RECORDS = ("cycles", "impacts", "exponents", "speeds")
+# Bins of impact speeds, and how far below the fastest they begin.
+SPEED_BINS, SPEED_DECADES = 160, 4
 # Columns of the cycle table that must match between cycles of a periodic motion: the strobed
 # motion state, counted impacts, releases, engages and chatter ends. Resolved chatter impacts are
 # left out: how many are listed before a chatter is summed is a matter of the last bit.
@@ -26,7 +28,8 @@ UNITS = {"phi": "rad", "phi_dot": "rad per tau", "deepest_separation": "rad",
          "deepest_back_penetration": "rad", "impact_phase": "mesh periods",
          "impact_velocity": "rad per tau", "lyapunov_exponent": "per tau",
          "lyapunov_exponent_error": "per tau", "second_lyapunov_exponent": "per tau",
-         "lyapunov_exponent_per_cycle": "per mesh cycle"}
+         "lyapunov_exponent_per_cycle": "per mesh cycle", "speed_edge": "rad per tau",
+         "impact_speed_density": "per mesh cycle", "slow_impacts": "per mesh cycle"}
 PARAMETER_UNITS = {"brake_torque": "N m", "drive_torque": "N m", "pinion_speed_rpm": "rev/min",
                    "pinion_speed_rad_s": "rad/s", "mesh_frequency_hz": "Hz",
                    "pinion_base_lever": "m", "mesh_stiffness": "N/m", "backlash": "rad",
@@ -51,7 +54,8 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
     settle, record : int, mesh cycles before recording (>= 0), and recorded (>= 1)
     observe : of 'cycles' (statistics of each recorded cycle), 'impacts' (phase and speed of up to
         `max_impacts` recorded impacts) and 'exponents' (Lyapunov exponents of every motion,
-        Floquet multipliers of the periodic ones; wants 'cycles'); the rest costs nothing
+        Floquet multipliers of the periodic ones; wants 'cycles') and 'speeds' (impacts of every
+        speed, counted in bins); the rest costs nothing
     phase : float, mesh phase at the start
     method, rtol, chatter_tol, count_depth, max_events_per_cycle, max_steps_per_cycle : see `Numerics`
     threads : int or None; default `default_threads()`; results do not depend on it
@@ -79,6 +83,8 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
     oscillators = [_oscillator(pair, te, parameter, value, operation) for value in values]
     if any(osc.force < 0 and osc.gap == "one_flank" for osc in oscillators):
         raise ValueError("sweep: rest with a negative force needs a coast flank to rest on")
+    if "speeds" in observe:
+        wanted = replace(wanted, speed_edges=tuple(_speed_edges(oscillators)))
     lines = _lines(starts, len(values))
     result = engine.sweep(
         oscillators * len(starts), lines, [(engine.REST, 0, 0, phase)] * len(lines),
@@ -157,6 +163,9 @@ def _dataset(result, oscillators, parameter, values, starts, wanted, phase, attr
         data |= _stability(result, tables, data["period"][1], oscillators, by_point)
     if wanted.impacts:
         data |= _impacts(result, oscillators, shape, by_point)
+    if wanted.speed_edges:
+        coords["speed_edge"] = list(wanted.speed_edges)
+        data |= _speeds(result, shape, by_point, attrs["record"])
     dataset = xr.Dataset(data, coords, {**attrs, "phase": phase})
     dataset["status"].attrs.update(
         flag_values=np.array([int(status) for status in Status], dtype=np.int8),
@@ -203,6 +212,29 @@ def _stability(result, tables, periods, oscillators, by_point):
     dims = (*by_point, "multiplier")
     return {name: (by_point, column) for name, column in data.items()} | {
         "multiplier_real": (dims, values.real), "multiplier_imag": (dims, values.imag)}
+
+
+def _speed_edges(oscillators):
+    """Edges of the bins, rad per τ: up to a speed that hardly any impact exceeds.
+
+    That is the speed of a fall through the gap and twice the flank's fastest, both ways.
+    """
+    phase = np.arange(1000) / 1000
+    fastest = max(
+        np.sqrt(2 * abs(osc.force) * min(osc.gap_width, 2 * osc.backlash))
+        + 4 * abs(osc.flank_scale) * np.abs(osc.te.derivative(1, phase)).max() / osc.period
+        for osc in oscillators) or 1.0
+    return fastest * np.logspace(-SPEED_DECADES, 0, SPEED_BINS + 1)
+
+
+def _speeds(result, shape, by_point, record):
+    """Impacts per mesh cycle in each bin, the last one with what is faster; and what is slower."""
+    counts = result.density.reshape(*shape, -1) / record
+    counts[result.outcome[:, 0].reshape(shape) != Status.OK] = np.nan
+    inside = counts[..., 1:-1].copy()
+    inside[..., -1] += counts[..., -1]
+    return {"impact_speed_density": ((*by_point, "speed_bin"), inside),
+            "slow_impacts": (by_point, counts[..., 0])}
 
 
 def _impacts(result, oscillators, shape, by_point):
