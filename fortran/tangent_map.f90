@@ -116,7 +116,7 @@ contains
     do i = 1, segment%n_events
       select case (kind_at_drive(segment%events(i)))
       case (event_impact)
-        call strike(self, system, segment, segment%events(i))
+        call strike(self, system, segment%events(i))
         last = i
       case (event_engage)
         if (system%rigid) call forget(self, 0)
@@ -124,7 +124,7 @@ contains
       case (event_release)
         self%m(2, :) = self%m(2, :) + 2*contact%xi*self%m(1, :)
       case (event_chatter_end)
-        if (last > 0) call end_chatter_at_impact(self, system, segment, segment%events(last))
+        if (last > 0) call end_chatter_at_impact(self, system, segment%events(last))
       case default
         ! A kink leaves a deviation as it is.
       end select
@@ -132,14 +132,13 @@ contains
   end subroutine jump
 
   !> An impact. One that the flank, drawing away faster and faster, almost missed is a graze.
-  subroutine strike(self, system, segment, event)
+  subroutine strike(self, system, event)
     type(tangent_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
-    type(segment_t), intent(in) :: segment       !! segment that ends with the impact
     type(event_t), intent(in) :: event           !! the impact
     real(wp) :: pressing(0:max_degree), push, s(2, 2)
     self%impacts = self%impacts + 1
-    call at_end(system, segment, flank_of(event), pressing(:), push)
+    call accelerations(system, event, pressing, push)
     if (pressing(0) < 0) then
       self%graze_depth = min(self%graze_depth, -0.5_wp*event%before**2/pressing(0))
     end if
@@ -197,42 +196,39 @@ contains
 
   !> A chatter whose last impact leaves less than time can resolve. With absolute velocities and
   !> a moving flank the bounces have no sum: the end is the impact.
-  subroutine end_chatter_at_impact(self, system, segment, impact)
+  subroutine end_chatter_at_impact(self, system, impact)
     type(tangent_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
-    type(segment_t), intent(in) :: segment       !! segment that ends with it
     type(event_t), intent(in) :: impact          !! the last impact
     real(wp) :: pressing(0:max_degree), push, rest, speed
-    integer :: flank
-    flank = flank_of(impact)
-    call at_end(system, segment, flank, pressing, push)
+    call accelerations(system, impact, pressing, push)
     speed = abs(impact%after)
     rest = 0
-    if (system%sums_chatter(flank)) rest = 2*speed/(pressing(0)*(1 - system%restitution))
+    if (system%sums_chatter(flank_of(impact))) rest = 2*speed/(pressing(0)*(1 - system%restitution))
     call forget(self, merge(0, 1, system%rigid))
     call apply(self, chatter_matrix(pressing, speed, system%restitution, rest))
   end subroutine end_chatter_at_impact
 
-  !> At the end of a segment: pressing acceleration of a flank, and the force towards it.
-  subroutine at_end(system, segment, flank, pressing, push)
+  !> At an event: pressing acceleration of its flank, and the force towards it.
+  subroutine accelerations(system, event, pressing, push)
     class(system_t), intent(in) :: system             !! what moves
-    type(segment_t), intent(in) :: segment            !! segment
-    integer, intent(in) :: flank                      !! flank
-    real(wp), intent(out) :: pressing(0:max_degree)   !! Taylor coefficients
+    type(event_t), intent(in) :: event                !! event at a flank
+    real(wp), intent(out) :: pressing(0:max_degree)   !! Taylor coefficients about it
     real(wp), intent(out) :: push                     !! acceleration in flight
+    type(instant_t) :: instant
     type(frame_t) :: frame
-    real(wp), parameter :: nowhere(max_states) = 0
-    real(wp) :: rate(max_states)
-    frame = segment%frame
-    do while (frame%piece_end < min(segment%length, frame%stop))
-      call system%next_piece(frame)
-    end do
-    call system%pressing(frame, flank, segment%length, nowhere, pressing)
+    real(wp) :: z(max_states), rate(max_states)
+    instant%motion_state = separation
+    instant%chart = flank_of(event)
+    instant%cycle = event%cycle
+    instant%t = event%t
+    call system%open_frame(instant, frame, z)
+    call system%pressing(frame, instant%chart, 0.0_wp, z, pressing)
     rate = 0
-    call system%derivatives(segment%frame, separation, 0.0_wp, nowhere(:system%n_states), &
+    call system%derivatives(frame, separation, 0.0_wp, z(:system%n_states), &
         rate(:system%n_states))
-    push = merge(rate(2), -rate(2), flank == drive_flank)
-  end subroutine at_end
+    push = merge(rate(2), -rate(2), instant%chart == drive_flank)
+  end subroutine accelerations
 
   !> Multiply by one more factor.
   pure subroutine apply(self, factor)
