@@ -15,7 +15,7 @@ COSINE = lapwing.TransmissionError.harmonic([1.0])
 def ball(gamma, restitution):
     """Γ = 1/F at Ω = 1; the coast flank is out of reach."""
     return lapwing.Oscillator(COSINE, force=1 / gamma, mesh_frequency_ratio=1.0, backlash=1e3,
-                              restitution=restitution)
+                              restitution=restitution, damping_ratio=0.1)
 
 
 def start(gamma, restitution):

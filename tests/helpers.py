@@ -40,9 +40,9 @@ def oscillator(te=FLAT, *, force=1.0, period=1000.0, restitution=0.8, backlash=1
 
 
 def ball(gamma, restitution, contact_law="restitution", **options):
-    """The bouncing ball g = cos u, Ω = 1, Γ = 1/F."""
+    """The bouncing ball g = cos u, Ω = 1, Γ = 1/F; the damping of a contact that never is."""
     return oscillator(COSINE, force=1 / gamma, period=2 * math.pi, restitution=restitution,
-                      contact_law=contact_law, **options)
+                      contact_law=contact_law, **{"damping_ratio": 0.1, **options})
 
 
 def ball_start(gamma, restitution, n=1):
