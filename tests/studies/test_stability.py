@@ -275,8 +275,27 @@ def test_batch_error_covers_the_mean_of_noise():
     assert math.isnan(batch_error(np.zeros(20)))
 
 
+@pytest.mark.parametrize("beyond", [1e-3, 1e-5, 1e-8, 1e-10])
+def test_a_graze_is_as_deep_as_the_flank_is_in_the_way(beyond):
+    """The ball's flight reaches `beyond` further than the coast flank: v²/(2|a|) tells by how much.
+
+    The flank's own curvature changes along the way; that is of the order of √beyond.
+    """
+    start = ball_start(1.0, 0.7)
+    depth = run_maps(ball(1.0, 0.7), 1, 0, start)[1][0, 14]
+    maps, table = run_maps(ball(1.0, 0.7, backlash=depth - beyond), 1, 0, start)
+    assert table[0, 5] >= 1
+    assert maps.graze_depth[0] == pytest.approx(beyond, rel=2 * math.sqrt(beyond) + 1e-4)
+    found = multipliers(maps, depth)
+    assert bool(found.warning) == (beyond < 5e-7 * depth)
+    assert np.all(np.isnan(found.values)) == bool(found.warning)
+    # The matrix itself grows as 1/v.
+    speed = math.sqrt(2 * beyond)
+    assert 0.1 / speed < np.abs(maps.matrix[0]).max() * 2.0 ** maps.exponent[0] < 100 / speed
+
+
 def test_near_grazing_gives_a_warning_instead_of_a_number():
-    """Follow an orbit of the impact oscillator with both flanks to its grazing: see the depth."""
+    """The limit is part of the motion's size; a motion without one is not judged."""
     maps = CycleMaps(np.eye(2)[None], np.zeros(1), np.zeros(1), np.ones(1), np.array([2]),
                      np.zeros(1), np.ones(1), np.zeros(1), np.array([1e-7]), 1.0)
     assert np.all(np.isnan(multipliers(maps, 1.0).values))
