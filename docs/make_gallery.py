@@ -29,6 +29,7 @@ FIGURES = {
     "deepest_separation": "Deepest separation against the braking torque.",
     "exponents": "Largest Lyapunov exponent and larger Floquet multiplier under the orbit diagram.",
     "impact_speed_density": "How often impacts of which speed happen.",
+    "waterfall": "Order spectra of the displacement.",
     "te_curve": "Transmission error with its knots, slopes and kinks.",
     "history": "Time history of displacement, mesh force and impacts.",
     "phase_portrait": "Phase portrait, with the engaged part magnified.",

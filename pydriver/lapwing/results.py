@@ -63,6 +63,8 @@ DESCRIPTIONS = {
     **STABILITY,
     "speed_edge": ("rad", f"edges of the bins of impact speed, {VELOCITY}"),
     "impact_speed_density": ("1", "impacts per mesh cycle in a bin of speed, either flank"),
+    "order": ("1", "mesh order, multiples of the mesh frequency"),
+    "order_spectrum": ("rad", "amplitude of phi by mesh order, Hann window"),
     "slow_impacts": ("1", "impacts per mesh cycle slower than the first bin"),
     "start": (None, "how each value was begun"),
     "recorded_cycle": ("1", "recorded mesh cycle"),

@@ -274,7 +274,7 @@ class _Studies:
                      operation=operation, starts=starts, rtol=self._rtol(reader),
                      settle_cycles=keys.settle_cycles, record_cycles=keys.record_cycles,
                      impacts=keys.impacts, speed_density=keys.speed_density,
-                     exponents=keys.exponents)
+                     order_spectra=keys.order_spectra, exponents=keys.exponents)
 
     def _parameter(self, reader, name):
         """Group of the parameter swept, or None."""

@@ -54,6 +54,7 @@ class Sweep:
     starts : tuple of 'rest', 'up', 'down'
     settle_cycles, record_cycles : int
     impacts : bool, whether every impact is kept
+    order_spectra : bool, whether order spectra are made
     speed_density : bool, whether impacts are counted by speed
     exponents : bool, whether multipliers and exponents are found
     rtol : float
@@ -68,6 +69,7 @@ class Sweep:
     settle_cycles: int
     record_cycles: int
     impacts: bool
+    order_spectra: bool
     speed_density: bool
     exponents: bool
     rtol: float

@@ -211,6 +211,7 @@ class SweepKeys(Group):
                              le=10_000_000)
     record_cycles: int = key(100, "mesh cycles recorded at every value", ge=1, le=100_000)
     impacts: bool = key(True, "whether phase and speed of every impact are kept")
+    order_spectra: bool = key(False, "whether order spectra are made, for a waterfall of them")
     speed_density: bool = key(False, "whether impacts of every speed are counted, for a figure of "
                               "their density")
     exponents: bool = key(False, "whether Lyapunov exponents are found, and Floquet multipliers "

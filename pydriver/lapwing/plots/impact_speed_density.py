@@ -37,7 +37,7 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
     norm = LogNorm(float(seen.min()) if seen.size else 0.1, float(seen.max()) if seen.size else 1)
     for axis, start, counts, letter in zip(axes, sweep["start"].values, density, "abc",
                                            strict=False):
-        image = axis.pcolormesh(_edges_of(values), factor * edges, np.where(counts > 0, counts,
+        image = axis.pcolormesh(edges_of(values), factor * edges, np.where(counts > 0, counts,
                                                                             np.nan).T,
                                 norm=norm, cmap="viridis_r", rasterized=True)
         axis.set_yscale("log")
@@ -60,7 +60,7 @@ def _per_decade(counts, edges):
     return counts / np.diff(np.log10(edges))
 
 
-def _edges_of(values):
+def edges_of(values):
     """Edges of columns around values."""
     if values.size == 1:
         return np.array([values[0] - 0.5, values[0] + 0.5])

@@ -16,7 +16,7 @@ from lapwing.studies.stability import CycleMaps, findings, growth
 from lapwing.threads import default_threads
 
 STARTS = ("rest", "up", "down")
-RECORDS = ("cycles", "impacts", "exponents", "speeds")
+RECORDS = ("cycles", "impacts", "exponents", "speeds", "spectra")
 # Bins of impact speeds, and how far below the fastest they begin.
 SPEED_BINS, SPEED_DECADES = 160, 4
 # Columns of the cycle table that must match between cycles of a periodic motion: the strobed
@@ -55,7 +55,8 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
     observe : of 'cycles' (statistics of each recorded cycle), 'impacts' (phase and speed of up to
         `max_impacts` recorded impacts) and 'exponents' (Lyapunov exponents of every motion,
         Floquet multipliers of the periodic ones; wants 'cycles') and 'speeds' (impacts of every
-        speed, counted in bins); the rest costs nothing
+        speed, counted in bins), 'spectra' (order spectrum of φ over 32 further cycles); the rest
+        costs nothing
     phase : float, mesh phase at the start
     method, rtol, chatter_tol, count_depth, max_events_per_cycle, max_steps_per_cycle : see `Numerics`
     threads : int or None; default `default_threads()`; results do not depend on it
@@ -91,10 +92,13 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
         numerics=numerics, wanted=wanted, settle=settle, record=record, log_room=max_impacts,
         threads=threads or default_threads(), progress=progress,
         keep_interrupted=keep_interrupted)
-    return _dataset(result, oscillators, parameter, values, starts, wanted, phase,
+    data = _dataset(result, oscillators, parameter, values, starts, wanted, phase,
                     {"settle": settle, "record": record, "rtol": rtol,
                      "method": engine.method_of(oscillators[0], numerics),
                      "count_depth": count_depth, "interrupted": int(result.interrupted)})
+    if "spectra" in observe:
+        data = _with_spectra(data, result, oscillators * len(starts), numerics, threads)
+    return data
 
 
 def _check(parameter, values, starts, settle, record, observe, max_impacts):
@@ -212,6 +216,21 @@ def _stability(result, tables, periods, oscillators, by_point):
     dims = (*by_point, "multiplier")
     return {name: (by_point, column) for name, column in data.items()} | {
         "multiplier_real": (dims, values.real), "multiplier_imag": (dims, values.imag)}
+
+
+def _with_spectra(data, result, oscillators, numerics, threads):
+    """Order spectra beside the rest, `waterfall.spectra`."""
+    from lapwing.studies.waterfall import spectra
+
+    orders, amplitudes = spectra(
+        oscillators, result.outcome[:, [0, 2, 3, 4]], data.attrs["phase"], numerics=numerics,
+        threads=threads or default_threads())
+    by_point = data["status"].dims
+    count = data.sizes[by_point[1]]
+    ratio = [osc.mesh_frequency_ratio for osc in oscillators[:count]]
+    return data.assign_coords(order=orders).assign(
+        order_spectrum=((*by_point, "order"), amplitudes.reshape(*data["status"].shape, -1)),
+        mesh_frequency_ratio=(by_point[1], ratio))
 
 
 def _speed_edges(oscillators):
