@@ -28,6 +28,9 @@ FIGURES = {
     "orbit_diagram": "Orbit diagram: strobed displacement, impact speeds, impacts per cycle and "
                      "period against the braking torque, from rest, upwards and downwards.",
     "deepest_separation": "Deepest separation against the braking torque.",
+    "exponents": "Largest Lyapunov exponent and larger Floquet multiplier under the orbit diagram.",
+    "impact_speed_density": "How often impacts of which speed happen.",
+    "waterfall": "Order spectra of the displacement.",
     "critical_search": "Searches for critical values: what was tried, what was seen, the bracket "
                        "that is left.",
     "te_curve": "Transmission error with its knots, slopes and kinks.",

@@ -13,8 +13,8 @@ module lapwing_smooth_curve
   use lapwing_transmission_error, only: te_table_t
   implicit none
   private
-  public :: curve_t, scene_t, launch, expand_launch, curve_at, curve_taylor, flank_taylor, rest_after
-  public :: acceleration_at, free_state
+  public :: curve_t, scene_t, launch, expand_launch, curve_at, curve_taylor, flank_taylor
+  public :: rest_after, acceleration_at, free_state
 
   !> A Taylor series of order `top_order` is exact to rounding where rate*s is below this: the first
   !> term left out, (rate*s)**(top_order + 1)/(top_order + 1)!, against the second one,

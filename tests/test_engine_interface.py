@@ -83,12 +83,15 @@ def test_the_order_of_the_codes_is_that_of_their_names():
 def test_sizes_are_those_of_the_engine():
     assert api.sizes().tolist() == [
         engine.BLOB_SIZE, engine.WORK_SIZE, engine.LOG_COLUMNS, engine.CYCLE_COLUMNS,
-        engine.SAMPLE_COLUMNS, engine.N_REALS, engine.N_CHOICES]
+        engine.SAMPLE_COLUMNS, engine.N_REALS, engine.N_CHOICES,
+        engine.TANGENT_COLUMNS]
     assert len(engine.WORK_NAMES) == engine.WORK_SIZE
     assert len(engine.CYCLE_NAMES) == engine.CYCLE_COLUMNS
+    assert len(engine.TANGENT_NAMES) == engine.TANGENT_COLUMNS
     text = source("api.f90")
     for rows in (f"log({engine.LOG_COLUMNS}, n_log)", f"cycles({engine.CYCLE_COLUMNS}, n_cycles)",
-                 f"samples({engine.SAMPLE_COLUMNS}, n_samples)", "coefficients(6, n_pieces)"):
+                 f"samples({engine.SAMPLE_COLUMNS}, n_samples)",
+                 f"tangent({engine.TANGENT_COLUMNS}, n_tangent)", "coefficients(6, n_pieces)"):
         assert rows in text
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from lapwing.codes import EventKind, Flank, MotionState, SearchStage, Status
+from lapwing.stability_names import STABILITY
 
 CONVENTIONS = "CF-1.11"
 # Variables larger than this are compressed; the rest is small beside the file's own overhead.
@@ -60,6 +61,12 @@ DESCRIPTIONS = {
     "status": (None, "how the run ended"),
     "force": ("rad", "mean force F of the dimensionless oscillator"),
     "period": ("1", "period in mesh cycles, 0: none found"),
+    **STABILITY,
+    "speed_edge": ("rad", f"edges of the bins of impact speed, {VELOCITY}"),
+    "impact_speed_density": ("1", "impacts per mesh cycle in a bin of speed, either flank"),
+    "order": ("1", "mesh order, multiples of the mesh frequency"),
+    "order_spectrum": ("rad", "amplitude of phi by mesh order, Hann window"),
+    "slow_impacts": ("1", "impacts per mesh cycle slower than the first bin"),
     "start": (None, "how each value was begun"),
     "recorded_cycle": ("1", "recorded mesh cycle"),
     "impact_phase": ("1", "mesh phase of the impact, in mesh periods"),

@@ -234,6 +234,7 @@ def _response(deck, study, order):
         deck.oscillator(study), deck.gear_pair, name=study.name, start=study.start,
         phase=deck.numerics["start_phase"], settle_cycles=study.settle_cycles,
         record_cycles=study.record_cycles, samples_per_cycle=study.samples_per_cycle,
+        exponents=study.exponents,
         max_period=deck.numerics["max_period"], order=order,
         brake_torque=study.operation["brake_torque"],
         claim_impacts_per_cycle=study.claim_impacts_per_cycle,
@@ -245,7 +246,8 @@ def _sweep(deck, study, threads, done):
     from lapwing.studies.critical_of_deck import full_engagement
     from lapwing.studies.sweep import sweep
 
-    observe = ("cycles", "impacts") if study.impacts else ("cycles",)
+    observe = ("cycles", *["impacts"] * study.impacts, *["exponents"] * study.exponents,
+               *["speeds"] * study.speed_density, *["spectra"] * study.order_spectra)
     result = sweep(
         deck.gear_pair, deck.te, parameter=study.parameter, values=study.values,
         starts=study.starts, settle=study.settle_cycles, record=study.record_cycles,

@@ -6,6 +6,7 @@ import numpy as np
 
 from lapwing.codes import Status
 from lapwing.summary_hysteresis import hysteresis
+from lapwing.summary_stability import sweep_stability
 from lapwing.summary_words import UNITS, markdown, plural
 
 # A sweep is told in about so many lines, spread over its range.
@@ -42,6 +43,7 @@ def sweep_text(sweep):
                      "beside it")
     coexisting = hysteresis(sweep, depth, unit)
     lines.append("- hysteresis: " + coexisting[0])
+    lines += sweep_stability(sweep, unit)
     lines.append("- impacts are counted after flights deeper than "
                  f"{100 * sweep.attrs['count_depth']:g} % of their cycle's deepest separation")
     return [*lines, *coexisting[1:], "", *_sweep_table(sweep, depth, values, unit)]

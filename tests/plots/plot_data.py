@@ -40,9 +40,10 @@ CURVES = {
 
 
 def make_sweeps():
-    """A normal one, one whose points fail, one of another parameter, one without impacts."""
+    """A normal one, one that fails, one of another parameter, one without impacts and exponents."""
     options = {"settle": 30, "record": 20, "impact_law": "absolute", "pinion_speed_rpm": 240}
-    impacts = {"observe": ("cycles", "impacts"), "max_impacts": 60}
+    impacts = {"max_impacts": 60,
+               "observe": ("cycles", "impacts", "exponents", "speeds", "spectra")}
     speed = {key: options[key] for key in ("settle", "record", "impact_law")}
     return {
         "torque": sweep(PAIR, SHIPPED, values=np.linspace(1, 14, 14), **impacts, **options),

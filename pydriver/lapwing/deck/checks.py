@@ -204,7 +204,7 @@ class Studies:
         return Response(
             operation=operation, start=start, rtol=self.rtol(reader),
             **{name: getattr(keys, name) for name in (
-                "name", "settle_cycles", "record_cycles", "samples_per_cycle",
+                "name", "settle_cycles", "record_cycles", "samples_per_cycle", "exponents",
                 "claim_impacts_per_cycle", "claim_deepest_separation", "claim_text")})
 
     def own_operation(self, keys):
@@ -286,7 +286,8 @@ class Studies:
         return Sweep(name=keys.name, parameter=name, group=group, values=values,
                      operation=operation, starts=starts, rtol=self.rtol(reader),
                      settle_cycles=keys.settle_cycles, record_cycles=keys.record_cycles,
-                     impacts=keys.impacts)
+                     impacts=keys.impacts, speed_density=keys.speed_density,
+                     order_spectra=keys.order_spectra, exponents=keys.exponents)
 
     def parameter(self, reader, name):
         """Group of the parameter varied, or None."""

@@ -21,6 +21,7 @@ class Response:
     operation : dict, the keyword arguments of `GearPair.oscillator`
     start : 'rest' or (motion state, φ rad, dφ/dτ rad), as `simulate` takes it
     settle_cycles, record_cycles, samples_per_cycle : int
+    exponents : bool, whether multipliers and exponents are found
     rtol : float
     claim_impacts_per_cycle, claim_deepest_separation (rad), claim_text : what somebody else
         reports, or None
@@ -32,6 +33,7 @@ class Response:
     settle_cycles: int
     record_cycles: int
     samples_per_cycle: int
+    exponents: bool
     rtol: float
     claim_impacts_per_cycle: float | None = None
     claim_deepest_separation: float | None = None
@@ -52,6 +54,9 @@ class Sweep:
     starts : tuple of 'rest', 'up', 'down'
     settle_cycles, record_cycles : int
     impacts : bool, whether every impact is kept
+    order_spectra : bool, whether order spectra are made
+    speed_density : bool, whether impacts are counted by speed
+    exponents : bool, whether multipliers and exponents are found
     rtol : float
     """
 
@@ -64,6 +69,9 @@ class Sweep:
     settle_cycles: int
     record_cycles: int
     impacts: bool
+    order_spectra: bool
+    speed_density: bool
+    exponents: bool
     rtol: float
 
 

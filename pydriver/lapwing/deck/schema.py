@@ -168,6 +168,7 @@ class ResponseKeys(OperationKeys):
     record_cycles: int = key(100, "mesh cycles recorded", ge=1, le=1_000_000)
     samples_per_cycle: int = key(400, "samples of the time history in a mesh cycle", ge=8,
                                  le=100_000)
+    exponents: bool = key(True, "whether Floquet multipliers and Lyapunov exponents are found")
     rtol: float | None = key(None, "relative tolerance; left out: that of &numerics, else 1e-8",
                              example=1e-8, ge=1e-13, le=1e-2)
     claim_impacts_per_cycle: float | None = key(
@@ -215,6 +216,11 @@ class SweepKeys(ValueKeys):
                              le=10_000_000)
     record_cycles: int = key(100, "mesh cycles recorded at every value", ge=1, le=100_000)
     impacts: bool = key(True, "whether phase and speed of every impact are kept")
+    order_spectra: bool = key(False, "whether order spectra are made, for a waterfall of them")
+    speed_density: bool = key(False, "whether impacts of every speed are counted, for a figure of "
+                              "their density")
+    exponents: bool = key(False, "whether Lyapunov exponents are found, and Floquet multipliers "
+                          "where the motion repeats")
     rtol: float | None = key(None, "relative tolerance; left out: that of &numerics, else 1e-6",
                              example=1e-6, ge=1e-13, le=1e-2)
 

@@ -10,7 +10,11 @@ import numpy as np
 
 FORMATS = ("png", "pdf")
 # Modules of this package with a `draw` each, by what they are drawn from.
-SWEEP_FIGURES = ("orbit_diagram", "deepest_separation")
+SWEEP_FIGURES = ("orbit_diagram", "deepest_separation", "exponents", "impact_speed_density",
+                 "waterfall")
+# Variables without which a figure of a sweep has nothing to show.
+NEEDED = {"exponents": "lyapunov_exponent", "impact_speed_density": "impact_speed_density",
+          "waterfall": "order_spectrum"}
 CRITICAL_FIGURE = "critical_search"
 RESPONSE_FIGURES = ("history", "phase_portrait", "impact_section", "spectrum")
 TE_FIGURE = "te_curve"
@@ -55,7 +59,8 @@ def tasks_of(results):
     list of Task
     """
     return [*(Task(f"{module}_{name}", module, "sweep", name)
-              for name in results.sweeps for module in SWEEP_FIGURES),
+              for name in results.sweeps for module in SWEEP_FIGURES
+              if NEEDED.get(module, "status") in results.sweep(name)),
             *(Task(f"{CRITICAL_FIGURE}_{name}", CRITICAL_FIGURE, "critical", name)
               for name in results.criticals
               if "trial" in results.critical(name).dims),  # a closed form has nothing to show
