@@ -7,6 +7,7 @@ run between two calls is one array (`blob`), and where a run is cut changes no b
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -245,12 +246,16 @@ def work_counts(array):
 
 @dataclass
 class SweepResult:
-    """Arrays of a sweep: outcome (points, 5 + work), cycles (points, record, 17), log rows."""
+    """Arrays of a sweep: outcome (points, 5 + work), cycles (points, record, 17), log rows.
+
+    `cpu_seconds` is the processor time spent inside the compiled engine.
+    """
 
     outcome: np.ndarray
     cycles: np.ndarray
     log: np.ndarray
     interrupted: bool = False
+    cpu_seconds: float = 0.0
 
 
 def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_room, threads,
@@ -291,11 +296,13 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
     outcome = np.full((5 + WORK_SIZE, n), np.nan, order="F")
     outcome[0] = Status.UNFINISHED
     choices = _choices(oscillators[0], numerics, method, wanted, settle, record)
-    interrupted = False
+    interrupted, cpu_seconds = False, 0.0
     try:
         while np.any(table[4] < LINE_DONE):
-            api.sweep(*table_arguments, reals, choices, table, starts,
-                      CALL_SECONDS, threads, blobs, cycles, log, outcome)
+            begun = time.process_time()
+            api.sweep(*table_arguments, reals, choices, table, starts, CALL_SECONDS, threads,
+                      blobs, cycles, log, outcome)
+            cpu_seconds += time.process_time() - begun
             if progress is not None:
                 progress(float(np.mean(outcome[0] != Status.UNFINISHED)))
     except KeyboardInterrupt:
@@ -304,7 +311,8 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
         interrupted = True
         cycles[:, :, outcome[0] == Status.UNFINISHED] = np.nan
         log[:, :, outcome[0] == Status.UNFINISHED] = np.nan
-    return SweepResult(outcome.T, cycles.transpose(2, 1, 0), log.transpose(2, 1, 0), interrupted)
+    return SweepResult(outcome.T, cycles.transpose(2, 1, 0), log.transpose(2, 1, 0), interrupted,
+                       cpu_seconds)
 
 
 def position(phase, cycles, period):
