@@ -11,7 +11,8 @@ module lapwing_exact_stretch
   use lapwing_first_meeting, only: target_t, first_meeting, quick_return
   use lapwing_polynomial, only: max_degree, horner, horner_slope, bernstein, bernstein_on, &
       first_descent
-  use lapwing_smooth_curve, only: scene_t, curve_t, expand_launch, curve_at, free_state
+  use lapwing_smooth_curve, only: scene_t, curve_t, expand_launch, curve_at, free_state, &
+      fly_from
   implicit none
   private
   public :: end_t, flight_end, contact_end, bounce, least_width
@@ -193,8 +194,13 @@ contains
         from = to
         panel = panel + 1
       end do
-      call curve_at(scene, curve, panel, stop, at%x, at%v)
       at%s = stop
+      if (stop > curve%near .and. curve%t + stop >= form%edge(panel + 1)) then
+        call fly_from(scene, curve, stop, form%g_taylor(0, panel + 1), &
+            form%g_taylor(1, panel + 1), at%x, at%v)
+      else
+        call curve_at(scene, curve, panel, stop, at%x, at%v)
+      end if
     end associate
   end subroutine flight_over_series
 
@@ -259,7 +265,7 @@ contains
     at%flank = no_flank
     do flank = drive_flank, coast_flank
       if (out(flank)) cycle
-      call first_meeting(scene, curve, panel, target_t(sign=merge(-1.0_wp, 1.0_wp, &
+      call first_meeting(scene, curve, panel, from > 0, target_t(sign=merge(-1.0_wp, 1.0_wp, &
           flank == drive_flank), wall=wall(flank), touching=flank == touching), &
           from, latest, found, s, x, v)
       if (.not. found) cycle
@@ -363,8 +369,8 @@ contains
           out = .false.
         end if
         found = .false.
-        if (.not. out) call first_meeting(scene, curve, panel, here, from, to, found, &
-            s, x, v)
+        if (.not. out) call first_meeting(scene, curve, panel, from > 0, here, &
+            from, to, found, s, x, v)
         if (found .or. to >= stop) return
         if (from > 0) state = matmul(form%d_matrix(:, :, panel), state)
         if (stays(scene, curve%moving, goal%sign, state)) then

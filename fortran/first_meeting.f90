@@ -36,10 +36,12 @@ module lapwing_first_meeting
 contains
 
   !> First zero of a target between two times of a panel.
-  pure subroutine first_meeting(scene, curve, panel, goal, from, to, found, s, x, v)
+  pure subroutine first_meeting(scene, curve, panel, from_edge, goal, from, to, found, s, &
+      x, v)
     type(scene_t), intent(in) :: scene         !! scene
     type(curve_t), intent(in) :: curve         !! stretch
     integer, intent(in) :: panel               !! panel that holds the times
+    logical, intent(in) :: from_edge           !! whether it begins at the first of them
     type(target_t), intent(in) :: goal         !! what is looked for
     real(wp), intent(in) :: from, to           !! times since the stretch began
     logical, intent(out) :: found              !! whether there is one
@@ -56,7 +58,7 @@ contains
     width = to - from
     do i = 1, max_searches
       width = min(width, to - at)
-      call expand_goal(scene, curve, panel, goal, at, f, rest)
+      call expand_goal(scene, curve, panel, from_edge .and. at <= from, goal, at, f, rest)
       call leave_zero(goal%touching .and. at <= from, f, times, hit)
       if (hit) then
         found = .true.
@@ -105,14 +107,15 @@ contains
     if (goal%touching) v = acceleration_at(scene, curve, panel, from, x, v)
     goal%sign = sign(1.0_wp, v)
     goal%turn = .true.
-    call first_meeting(scene, curve, panel, goal, from, to, found, s, x, v)
+    call first_meeting(scene, curve, panel, .false., goal, from, to, found, s, x, v)
   end subroutine first_turn
 
   !> Taylor coefficients of the target, and the bound of what they leave out per power of time.
-  pure subroutine expand_goal(scene, curve, panel, goal, at, f, rest)
+  pure subroutine expand_goal(scene, curve, panel, at_edge, goal, at, f, rest)
     type(scene_t), intent(in) :: scene             !! scene
     type(curve_t), intent(in) :: curve             !! stretch
     integer, intent(in) :: panel                   !! panel
+    logical, intent(in) :: at_edge                 !! whether it begins at `at`
     type(target_t), intent(in) :: goal             !! what is looked for
     real(wp), intent(in) :: at                     !! time since the stretch began
     real(wp), intent(out) :: f(0:max_degree)       !! coefficients
@@ -122,7 +125,7 @@ contains
       c = curve%taylor(0:max_degree)
       rest = rest_after(scene, curve, panel, at, curve%x, curve%v)
     else
-      call curve_taylor(scene, curve, panel, at, c, rest)
+      call curve_taylor(scene, curve, panel, at_edge, at, c, rest)
     end if
     call goal_of(goal, c, f, rest)
   end subroutine expand_goal
@@ -205,7 +208,7 @@ contains
     real(wp), intent(out) :: x, v              !! position and velocity there
     real(wp) :: f(0:max_degree), c(0:max_degree), rest, slope, step, move
     integer :: i
-    call curve_taylor(scene, curve, panel, guess, c, rest)
+    call curve_taylor(scene, curve, panel, .false., guess, c, rest)
     call goal_of(goal, c, f, rest)
     move = 0
     do i = 1, max_newton
