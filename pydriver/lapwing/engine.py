@@ -45,6 +45,8 @@ METHODS = ("auto", "exact", "rk4")
 # Three of sixteen digits may be lost between response and free oscillation.
 MOST_AMPLIFIED = 1e3
 EXACT_CHATTER_TOL = 1e-13
+# A longer harmonic series is taken from its table (harmonic_series.f90, max_terms).
+MAX_TERMS = 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,7 +115,7 @@ def _table_arguments(oscillators, method="rk4"):
     to the middle of its range, so that a large constant costs no digits.
     """
     te = oscillators[0].te
-    if method == "exact" and len(te.harmonics):  # the closed form takes the series itself
+    if method == "exact" and 0 < len(te.harmonics) <= MAX_TERMS:  # the closed form takes the series itself
         return (np.array([0.0, 1.0]), np.zeros((6, 1), order="F"), np.zeros(1, dtype=np.intc),
                 np.asfortranarray(te.harmonics.T))
     coefficients = np.asfortranarray(te.coefficients.T.copy())

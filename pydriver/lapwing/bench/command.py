@@ -39,13 +39,13 @@ def run_bench(scenes, methods, *, full, repeats, out, command):
     plan = FULL if full else QUICK
     if repeats:
         plan = replace(plan, repeats=repeats)
-    say = _Teller()
-    datasets = {name: measure(SCENES[name], plan, methods or METHODS, say)
-                for name in scenes or SCENES}
-    say.close()
     out.mkdir(parents=True, exist_ok=True)
-    path = out / "bench.nc"
-    store.write(path, datasets, store.provenance(command))
+    path, say, datasets = out / "bench.nc", _Teller(), {}
+    for name in scenes or SCENES:
+        datasets[name] = measure(SCENES[name], plan, methods or METHODS, say)
+        # After each scene, so that Ctrl-C leaves what is finished: `--from` reports on it.
+        store.write(path, datasets, store.provenance(command))
+    say.close()
     return path
 
 

@@ -78,19 +78,22 @@ def cpu_times(oscillators, setting, cycles, *, room, repeats):
     """Processor time of each torque inside the engine, s: median of repeats.
 
     One call runs all torques; how its time divides among them is told by calls of one torque
-    each, made of several copies where one is too short to be measured.
+    each. Calls too short to be measured are made of several copies.
 
     Returns
     -------
     array (n,)
     """
-    whole = np.median([run(oscillators, setting, cycles, room=room).cpu_seconds
-                       for _ in range(repeats)])
-    copies = int(np.clip(np.ceil(LEAST_CALL * len(oscillators) / max(whole, 1e-9)), 1,
-                         MOST_COPIES))
-    shares = np.array([
-        np.median([run([osc] * copies, setting, cycles, room=room).cpu_seconds
-                   for _ in range(repeats)]) for osc in oscillators])
+    def median(points):
+        return np.median([run(points, setting, cycles, room=room).cpu_seconds
+                          for _ in range(repeats)])
+
+    n = len(oscillators)
+    once = run(oscillators, setting, cycles, room=room).cpu_seconds
+    copies = int(np.clip(np.ceil(LEAST_CALL / max(once, 1e-9)), 1, MOST_COPIES))
+    whole = median(oscillators * copies) / copies
+    copies = int(np.clip(np.ceil(LEAST_CALL * n / max(whole, 1e-9)), 1, MOST_COPIES))
+    shares = np.array([median([osc] * copies) for osc in oscillators])
     return whole * shares / shares.sum()
 
 
