@@ -19,6 +19,7 @@ DECKS = {
     "lapping_25x32_relative": "The same gear with the physical impact law: chatter where the "
                               "source counts 3, 5 and 7 impacts.",
     "critical_25x32": "Critical torques of the 25 × 32 pair under the source's law.",
+    "critical_rigid": "Critical torques of rigid teeth on a smooth transmission error.",
     "smooth_1500rpm": "A smooth transmission error of three harmonics at 1500 rpm: coexisting "
                       "motions.",
     "kinked_480rpm": "The textbook parabola with one kink at 480 rpm.",

@@ -46,6 +46,11 @@ def point(sweep, torque):
     return f"period {period}" if period else "no period"
 
 
+def listed(words):
+    """'a, b and c'."""
+    return " and ".join([", ".join(words[:-1]), *words[-1:]]) if len(words) > 1 else words[0]
+
+
 def of_back(critical):
     """The last back impact and what is known beyond it."""
     attrs = critical.attrs
@@ -59,7 +64,7 @@ def of_back(critical):
             "back.seen": f"{int(seen.trial_back_cycles)}",
             "back.cycles": f"{int(seen.trial_cycles):,}", "back.starts": f"{attrs['n_starts']}",
             "back.rare": f"{1 / attrs['rate_bound']:,.0f}",
-            "back.quiet": " and ".join(f"{value:g}" for value in below) or "no torque"}
+            "back.quiet": listed([f"{value:g}" for value in below])}
 
 
 def of_responses(prefix, results):

@@ -60,6 +60,11 @@ def test_two_kinds_of_motion_beside_each_other(full, safe):
     assert "Between" not in text(full.assign_attrs(own_operation=1), safe)
 
 
+def test_rigid_teeth_rest_and_bounce_beside_each_other(safe):
+    on = lapwing.critical_on(PAIR, SHIPPED, contact_law="rigid", pinion_speed_rpm=240)
+    assert "Between 6.148 and 12." in text(on, safe)
+
+
 def test_no_motion_but_engagement(full, safe):
     assert "agrees with T_full within its bar" in text(
         full, safe.assign_attrs(estimate=full.estimate + 0.004, bar=0.005))

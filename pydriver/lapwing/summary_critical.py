@@ -265,17 +265,18 @@ def _bands(critical):
 
 
 def _together(criticals):
-    """What T_full and T_safe say together."""
+    """What T_full (rigid teeth: T_on) and T_safe say together."""
     found = {one.attrs["find"]: one.attrs for one in criticals
              if one.attrs["parameter"] == "brake_torque" and one.attrs["outcome"] == "found"
              and not one.attrs.get("own_operation", 0)}
-    if not {"full", "safe"} <= found.keys():
+    first = "full" if "full" in found else "on"
+    if not {first, "safe"} <= found.keys():
         return []
-    full, safe = found["full"]["estimate"], found["safe"]
-    if abs(safe["estimate"] - full) <= safe["bar"]:
-        return ["", "T_safe agrees with T_full within its bar: above it nothing but engagement was "
-                "found."]
-    if safe["estimate"] < full:
+    kept, safe = found[first]["estimate"], found["safe"]
+    if abs(safe["estimate"] - kept) <= safe["bar"]:
+        return ["", f"T_safe agrees with {SYMBOLS[first]} within its bar: above it nothing but "
+                "engagement was found."]
+    if safe["estimate"] < kept:
         return []
-    return ["", f"Between {full:.4g} and {safe['estimate']:.4g} N·m engaged and rattling motions "
+    return ["", f"Between {kept:.4g} and {safe['estimate']:.4g} N·m engaged and rattling motions "
             "exist side by side: the start decides, and a disturbance may start the rattling."]

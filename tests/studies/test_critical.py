@@ -308,3 +308,17 @@ def test_the_shipped_deck():
     assert safe.estimate == pytest.approx(12.4, abs=0.1) and safe.bar <= 0.05
     assert back.last_seen == pytest.approx(0.82, abs=0.02) and back.bar <= 0.02 + 1e-12
     assert back.trial_cycles.values.min() >= 20_000
+
+
+@pytest.mark.full
+def test_the_shipped_deck_of_rigid_teeth():
+    """Resting from F = max g'' on, bouncing beyond it: the two side by side."""
+    deck = load_deck(ROOT / "inputs" / "critical_rigid.nml")
+    on, safe = (critical_study(deck, study, 2) for study in deck.criticals)
+    u = np.linspace(0, 2 * np.pi, 1_000_001)
+    terms = ((1, 17e-6, 0), (2, 4.5e-6, 1), (3, 1.5e-6, 2))
+    curvature = -1.28 * sum(n**2 * a * np.cos(n * u + shift) for n, a, shift in terms)
+    osc = deck.gear_pair.oscillator(deck.te, brake_torque=1, **deck.criticals[0].operation)
+    greatest = curvature.max() * osc.mesh_frequency_ratio**2 / PAIR.force_per_torque
+    assert on.estimate == pytest.approx(greatest, rel=1e-10)  # flat top, a millionth of a turn
+    assert safe.outcome == "found" and safe.rattling > on.estimate and safe.bar <= 0.02
