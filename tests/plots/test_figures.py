@@ -22,7 +22,8 @@ UNIT = re.compile(r"\((µrad|arcsec|N|N·m|rad/s|mm/s|mN·s|ms|rpm|Hz|mesh perio
 # Placing everything takes long, so it is done for the responses most unlike each other only.
 LAID_OUT = ("chatter", "failed", "rigid_engaged")
 WITHOUT_UNIT = ("impacts\nper cycle", "recorded mesh cycle", "larger Floquet\nmultiplier |λ|",
-                "impacts per mesh cycle and decade of speed")
+                "impacts per mesh cycle and decade of speed", "each\nfrom rest",
+                "carried\nupwards", "carried\ndownwards")
 
 
 @pytest.fixture(scope="module")

@@ -247,3 +247,13 @@ def test_chaos_of_scene_c_beside_a_period():
     focus, chaos = data["lyapunov_exponent_per_cycle"].values[0]
     assert focus == pytest.approx(math.log(0.8), rel=1e-12)
     assert chaos > data["lyapunov_exponent_error"].values[0, 1] * scene_c(4.5).period
+
+
+def test_a_sweep_has_the_classes_of_its_motions(swept):
+    names = swept["motion_class"].sel(start="rest").values.tolist()
+    assert names[0].startswith("aperiodic") and names[4] == "1:(0,0)"
+    assert names[2] == "1:(12,0)c"
+    compliant = sweep(PAIR, SHIPPED, values=[5.5], starts=("rest",), contact_law="compliant",
+                      settle=100, record=20, **OPERATION)
+    assert compliant["motion_class"].values.tolist() == [["1:(4,0)"]]
+    assert compliant["counted_impacts"].sum() == 0

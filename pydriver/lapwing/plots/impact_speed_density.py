@@ -37,9 +37,9 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
     norm = LogNorm(float(seen.min()) if seen.size else 0.1, float(seen.max()) if seen.size else 1)
     for axis, start, counts, letter in zip(axes, sweep["start"].values, density, "abc",
                                            strict=False):
-        image = axis.pcolormesh(edges_of(values), factor * edges, np.where(counts > 0, counts,
-                                                                            np.nan).T,
-                                norm=norm, cmap="viridis_r", rasterized=True)
+        image = axis.pcolormesh(
+            sweep_parts.edges_of(values), factor * edges, np.where(counts > 0, counts, np.nan).T,
+            norm=norm, cmap="viridis_r", rasterized=True)
         axis.set_yscale("log")
         axis.set_ylabel(f"approach speed |φ'|\n({unit})")
         style.speed_scale(axis, millimetres)
@@ -58,14 +58,6 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
 def _per_decade(counts, edges):
     """Impacts per mesh cycle and decade of speed."""
     return counts / np.diff(np.log10(edges))
-
-
-def edges_of(values):
-    """Edges of columns around values."""
-    if values.size == 1:
-        return np.array([values[0] - 0.5, values[0] + 0.5])
-    middle = 0.5 * (values[1:] + values[:-1])
-    return np.concatenate([[2 * values[0] - middle[0]], middle, [2 * values[-1] - middle[-1]]])
 
 
 __all__ = ["draw"]

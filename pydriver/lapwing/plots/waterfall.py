@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from lapwing.plots import style, sweep_parts
-from lapwing.plots.impact_speed_density import edges_of
 
 DECADES = 5
 
@@ -40,7 +39,8 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
     for axis, start, amplitude, letter in zip(axes, sweep["start"].values, spectra, "abc",
                                               strict=False):
         image = axis.pcolormesh(
-            edges_of(values), edges_of(orders), np.maximum(amplitude, top * 10.0**-DECADES).T,
+            sweep_parts.edges_of(values), sweep_parts.edges_of(orders),
+            np.maximum(amplitude, top * 10.0**-DECADES).T,
             norm=LogNorm(top * 10.0**-DECADES, top), cmap="viridis", rasterized=True)
         axis.plot(values, natural, color="white", linewidth=1.2, linestyle=(0, (5, 3)))
         axis.set_ylim(0, orders[-1])
