@@ -64,7 +64,7 @@ def _exponents(axis, sweep):
         error = error * np.divide(rate, per_tau, out=np.zeros_like(rate), where=shown)
         error[~shown] = 0
         axis.errorbar(x, np.where(np.isfinite(rate), rate, np.nan), error, linestyle="",
-                      marker="o", markersize=1.0 + look["size"], markeredgewidth=0,
+                      marker="o", markersize=1.8 + look["size"], markeredgewidth=0,
                       elinewidth=0.8, color=look["color"], alpha=look["alpha"])
         gone = np.isneginf(rate)
         lost += int(gone.sum())

@@ -49,7 +49,7 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
     figure.colorbar(image, ax=list(axes), label="impacts per mesh cycle and decade of speed",
                     pad=0.02, aspect=40)
     sweep_parts.mark_full_engagement(
-        axes, sweep_parts.full_engagement_of(sweep, full_engagement), axes[0], values, height=0.2)
+        axes, sweep_parts.full_engagement_of(sweep, full_engagement), axes[0], values)
     sweep_parts.finish(figure, axes, sweep,
                        f"impact speeds: {sweep.attrs.get('name', '')}" if title is None else title)
     return figure
