@@ -55,7 +55,7 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
     observe : of 'cycles' (statistics of each recorded cycle), 'impacts' (phase and speed of up to
         `max_impacts` recorded impacts) and 'exponents' (Lyapunov exponents of every motion,
         Floquet multipliers of the periodic ones; wants 'cycles') and 'speeds' (impacts of every
-        speed, counted in bins), 'spectra' (order spectrum of φ over 32 further cycles); the rest
+        speed, counted in bins), 'spectra' (order spectrum of φ over 48 further cycles); the rest
         costs nothing
     phase : float, mesh phase at the start
     method, rtol, chatter_tol, count_depth, max_events_per_cycle, max_steps_per_cycle : see `Numerics`
