@@ -29,6 +29,7 @@ FIGURES = {
     "orbit_diagram": "Orbit diagram: strobed displacement, impact speeds, impacts per cycle and "
                      "period against the braking torque, from rest, upwards and downwards.",
     "deepest_separation": "Deepest separation against the braking torque.",
+    "staircase": "Impacts per cycle as a staircase, with a strip of classes.",
     "exponents": "Largest Lyapunov exponent and larger Floquet multiplier under the orbit diagram.",
     "impact_speed_density": "How often impacts of which speed happen.",
     "waterfall": "Order spectra of the displacement.",

@@ -60,6 +60,8 @@ DESCRIPTIONS = {
     "states_visited": (None, "motion states visited"),
     "status": (None, "how the run ended"),
     "force": ("rad", "mean force F of the dimensionless oscillator"),
+    "motion_class": (None, "p:(i,j), i drive and j coast impacts in p mesh cycles; c: complete "
+                     "chatter"),
     "period": ("1", "period in mesh cycles, 0: none found"),
     **STABILITY,
     "speed_edge": ("rad", f"edges of the bins of impact speed, {VELOCITY}"),

@@ -24,7 +24,8 @@ UNIT = re.compile(r"\((µrad|arcsec|N|N·m|rad/s|mm/s|mN·s|ms|rpm|Hz|mesh perio
 LAID_OUT = ("chatter", "failed", "rigid_engaged")
 SHARE = re.compile(r"% of the starts|share of those examined|^$")
 WITHOUT_UNIT = ("impacts\nper cycle", "recorded mesh cycle", "larger Floquet\nmultiplier |λ|",
-                "impacts per mesh cycle and decade of speed")
+                "impacts per mesh cycle and decade of speed", "each\nfrom rest",
+                "carried\nupwards", "carried\ndownwards")
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +111,8 @@ def test_critical_values_are_marked_on_a_sweep(results):
     # Not the search at another speed, and none that found nothing.
     assert [mark.find for mark in marks] == ["back", "full", "safe"]
     marks[0] = marks[0]._replace(low=2.0, high=2.5)  # into the range of this sweep
-    for module, panels in (("orbit_diagram", 4), ("deepest_separation", 1)):
+    for module, panels in (("orbit_diagram", 4), ("deepest_separation", 1), ("staircase", 1),
+                           ("exponents", 3), ("impact_speed_density", 3), ("waterfall", 3)):
         plain, marked = (draw(module, results.sweep("torque"), results.gear_pair, laid_out=True,
                               marks=given) for given in ((), marks))
         for one, two in list(zip(plain.axes, marked.axes, strict=True))[:panels]:

@@ -10,11 +10,11 @@ import numpy as np
 
 FORMATS = ("png", "pdf")
 # Modules of this package with a `draw` each, by what they are drawn from.
-SWEEP_FIGURES = ("orbit_diagram", "deepest_separation", "exponents", "impact_speed_density",
-                 "waterfall")
+SWEEP_FIGURES = ("orbit_diagram", "deepest_separation", "staircase", "exponents",
+                 "impact_speed_density", "waterfall")
 # Variables without which a figure of a sweep has nothing to show.
-NEEDED = {"exponents": "lyapunov_exponent", "impact_speed_density": "impact_speed_density",
-          "waterfall": "order_spectrum"}
+NEEDED = {"staircase": "motion_class", "exponents": "lyapunov_exponent",
+          "impact_speed_density": "impact_speed_density", "waterfall": "order_spectrum"}
 CRITICAL_FIGURE = "critical_search"
 RESPONSE_FIGURES = ("history", "phase_portrait", "impact_section", "spectrum")
 TE_FIGURE = "te_curve"

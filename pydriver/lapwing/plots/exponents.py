@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from lapwing.codes import Status
-from lapwing.plots import style, sweep_parts
+from lapwing.plots import critical_marks, style, sweep_parts
 
 
 @style.house_style()
-def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None):
+def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
+         marks=()):
     """Draw a sweep with its exponents.
 
     Parameters
@@ -21,6 +22,7 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
     full_engagement : float or None, parameter value above which the engaged response never
         separates; default: as stored with the sweep
     claims : not used; as in the other figures of a sweep
+    marks : sequence of critical_marks.Mark, critical values to draw as bars
 
     Returns
     -------
@@ -30,10 +32,10 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
     axes = figure.subplots(3, 1, sharex=True, height_ratios=[2.4, 2.2, 1.6])
     for axis, panel, letter in zip(axes, (_section, _exponents, _multipliers), "abc", strict=True):
         axis.set_title(f"({letter}) {panel(axis, sweep)}")
-    parameter = sweep_parts.parameter_of(sweep)
-    sweep_parts.mark_full_engagement(
-        axes, sweep_parts.full_engagement_of(sweep, full_engagement), axes[1],
-        sweep[parameter].values, height=0.2)
+    values = sweep[sweep_parts.parameter_of(sweep)].values
+    engaged = sweep_parts.full_engagement_of(sweep, full_engagement)
+    sweep_parts.mark_full_engagement(axes, engaged, axes[1], values, height=0.2)
+    critical_marks.draw_marks(axes, axes[0], marks, values, engaged)
     sweep_parts.finish(figure, axes, sweep,
                        f"exponents: {sweep.attrs.get('name', '')}" if title is None else title)
     sweep_parts.legend(figure, axes[0], sweep, failed=bool(sweep_parts.failed(sweep).any()))
@@ -64,7 +66,7 @@ def _exponents(axis, sweep):
         error = error * np.divide(rate, per_tau, out=np.zeros_like(rate), where=shown)
         error[~shown] = 0
         axis.errorbar(x, np.where(np.isfinite(rate), rate, np.nan), error, linestyle="",
-                      marker="o", markersize=1.0 + look["size"], markeredgewidth=0,
+                      marker="o", markersize=1.8 + look["size"], markeredgewidth=0,
                       elinewidth=0.8, color=look["color"], alpha=look["alpha"])
         gone = np.isneginf(rate)
         lost += int(gone.sum())

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from lapwing.plots import style, sweep_parts
+from lapwing.plots import critical_marks, style, sweep_parts
 
 
 @style.house_style()
-def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None):
+def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
+         marks=()):
     """Draw the density of impact speeds, one panel for each start.
 
     Parameters
@@ -20,6 +21,7 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
     full_engagement : float or None, parameter value above which the engaged response never
         separates; default: as stored with the sweep
     claims : not used; as in the other figures of a sweep
+    marks : sequence of critical_marks.Mark, critical values to draw as bars
 
     Returns
     -------
@@ -37,9 +39,9 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
     norm = LogNorm(float(seen.min()) if seen.size else 0.1, float(seen.max()) if seen.size else 1)
     for axis, start, counts, letter in zip(axes, sweep["start"].values, density, "abc",
                                            strict=False):
-        image = axis.pcolormesh(edges_of(values), factor * edges, np.where(counts > 0, counts,
-                                                                            np.nan).T,
-                                norm=norm, cmap="viridis_r", rasterized=True)
+        image = axis.pcolormesh(
+            sweep_parts.edges_of(values), factor * edges, np.where(counts > 0, counts, np.nan).T,
+            norm=norm, cmap="viridis_r", rasterized=True)
         axis.set_yscale("log")
         axis.set_ylabel(f"approach speed |φ'|\n({unit})")
         style.speed_scale(axis, millimetres)
@@ -48,8 +50,9 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
             style.note(axis, "no impact in the recorded cycles")
     figure.colorbar(image, ax=list(axes), label="impacts per mesh cycle and decade of speed",
                     pad=0.02, aspect=40)
-    sweep_parts.mark_full_engagement(
-        axes, sweep_parts.full_engagement_of(sweep, full_engagement), axes[0], values, height=0.2)
+    engaged = sweep_parts.full_engagement_of(sweep, full_engagement)
+    sweep_parts.mark_full_engagement(axes, engaged, axes[0], values)
+    critical_marks.draw_marks(axes, axes[0], marks, values, engaged)
     sweep_parts.finish(figure, axes, sweep,
                        f"impact speeds: {sweep.attrs.get('name', '')}" if title is None else title)
     return figure
@@ -58,14 +61,6 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
 def _per_decade(counts, edges):
     """Impacts per mesh cycle and decade of speed."""
     return counts / np.diff(np.log10(edges))
-
-
-def edges_of(values):
-    """Edges of columns around values."""
-    if values.size == 1:
-        return np.array([values[0] - 0.5, values[0] + 0.5])
-    middle = 0.5 * (values[1:] + values[:-1])
-    return np.concatenate([[2 * values[0] - middle[0]], middle, [2 * values[-1] - middle[-1]]])
 
 
 __all__ = ["draw"]

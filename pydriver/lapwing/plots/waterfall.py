@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from lapwing.plots import style, sweep_parts
-from lapwing.plots.impact_speed_density import edges_of
+from lapwing.plots import critical_marks, style, sweep_parts
 
 DECADES = 5
 
 
 @style.house_style()
-def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None):
+def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
+         marks=()):
     """Draw the order spectra of φ, one panel for each start.
 
     Parameters
@@ -23,6 +23,7 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
     full_engagement : float or None, parameter value above which the engaged response never
         separates; default: as stored with the sweep
     claims : not used; as in the other figures of a sweep
+    marks : sequence of critical_marks.Mark, critical values to draw as bars
 
     Returns
     -------
@@ -40,7 +41,8 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
     for axis, start, amplitude, letter in zip(axes, sweep["start"].values, spectra, "abc",
                                               strict=False):
         image = axis.pcolormesh(
-            edges_of(values), edges_of(orders), np.maximum(amplitude, top * 10.0**-DECADES).T,
+            sweep_parts.edges_of(values), sweep_parts.edges_of(orders),
+            np.maximum(amplitude, top * 10.0**-DECADES).T,
             norm=LogNorm(top * 10.0**-DECADES, top), cmap="viridis", rasterized=True)
         axis.plot(values, natural, color="white", linewidth=1.2, linestyle=(0, (5, 3)))
         axis.set_ylim(0, orders[-1])
@@ -51,12 +53,13 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
         axis.grid(False)
     figure.colorbar(image, ax=list(axes), label="amplitude of φ (µrad)", pad=0.02, aspect=40,
                     extend="min")
+    engaged = sweep_parts.full_engagement_of(sweep, full_engagement)
+    if engaged is not None and values[0] <= engaged <= values[-1]:
+        for axis in axes:
+            axis.axvline(engaged, color="white", linewidth=0.9)
+    critical_marks.draw_marks(axes, axes[0], marks, values, engaged)
     sweep_parts.finish(figure, axes, sweep,
                        f"order spectra: {sweep.attrs.get('name', '')}" if title is None else title)
-    for axis in axes:
-        critical = sweep_parts.full_engagement_of(sweep, full_engagement)
-        if critical is not None and values[0] <= critical <= values[-1]:
-            axis.axvline(critical, color="white", linewidth=0.9)
     return figure
 
 

@@ -24,8 +24,8 @@ def find_period(phi, phi_dot, labels, scale, max_period=MAX_PERIOD):
     1. For p = 1, 2, … take the differences of states p cycles apart over the last max(2p, 8)
        such pairs. All must be within REPEAT_TOLERANCE·scale, and the labels must agree.
     2. A slow transient is no period. Differences above the noise are taken as a geometric series
-       whose ratio the whole record shows, alternating where they alternate; what it still sums
-       to must be within the tolerance too.
+       whose ratio the whole record shows; what it still sums to must be within the tolerance
+       too. (Where they alternate that is less than the last of them.)
     3. A decaying flip is no period 2: while a multiplier is -0.9999 states two cycles apart
        agree to the last bits, those one cycle apart do not. Where the differences at a divisor of
        p still fade, p and its multiples are refused.
@@ -66,9 +66,8 @@ def _remaining(steps, pairs, p):
     half = len(difference) // 2
     early, late = np.max(difference[:half]), np.max(difference[half:])
     ratio = (late / early) ** (p / half)
-    alternates = np.sum(steps[p:][-pairs:] * steps[:-p][-pairs:]) < 0
-    if alternates:
-        return last / (1 + min(ratio, 1.0))
+    if np.sum(steps[p:][-pairs:] * steps[:-p][-pairs:]) < 0:
+        return last
     return last / (1 - ratio) if ratio < 1 else np.inf
 
 

@@ -11,7 +11,7 @@ from lapwing.codes import EventKind, Status
 from lapwing.engine import CYCLE_NAMES, Numerics, Wanted, work_counts
 from lapwing.gear_pair import GearPair
 from lapwing.stability_names import NUMBERS
-from lapwing.studies.period import find_period
+from lapwing.studies.period import find_period, motion_class
 from lapwing.studies.stability import CycleMaps, findings, growth
 from lapwing.threads import default_threads
 
@@ -56,7 +56,7 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
     observe : of 'cycles' (statistics of each recorded cycle), 'impacts' (phase and speed of up to
         `max_impacts` recorded impacts), 'exponents' (Lyapunov exponents of every motion, Floquet
         multipliers of the periodic ones; wants 'cycles'), 'speeds' (impacts of every speed,
-        counted in bins) and 'spectra' (order spectrum of φ over 32 further cycles); the rest
+        counted in bins) and 'spectra' (order spectrum of φ over 48 further cycles); the rest
         costs nothing
     phase : float, mesh phase at the start
     method, rtol, chatter_tol, count_depth, max_events_per_cycle, max_steps_per_cycle :
@@ -165,6 +165,7 @@ def _dataset(result, oscillators, parameter, values, starts, wanted, phase, attr
         data[name] = ((*by_point, "recorded_cycle"), table)
     if wanted.cycles:
         data["period"] = (by_point, _periods(tables, oscillators))
+        data["motion_class"] = (by_point, _classes(tables, data["period"][1], oscillators))
     if wanted.tangent:
         data |= _stability(result, tables, data["period"][1], oscillators, by_point)
     if wanted.impacts:
@@ -197,6 +198,20 @@ def _periods(tables, oscillators):
         scale = max(abs(oscillators[j].force), table[:, deepest].max()) or oscillators[j].backlash
         periods[i, j] = find_period(table[:, phi], table[:, phi_dot], table[:, labels], scale)
     return periods
+
+
+def _classes(tables, periods, oscillators):
+    """Class of each point, `period.motion_class`; without restitution arrivals are counted."""
+    counts = ("engages", "back_engages") if oscillators[0].contact_law == "compliant" else (
+        "counted_impacts", "counted_back_impacts")
+    drive, coast, ends, back_ends = (tables[..., CYCLE_NAMES.index(name)] for name in (
+        *counts, "chatter_ends", "back_chatter_ends"))
+    classes = np.full(periods.shape, "failed", dtype=object)
+    for at in np.ndindex(*periods.shape):
+        if np.all(np.isfinite(drive[at])):
+            classes[at] = motion_class(int(periods[at]), drive[at], coast[at],
+                                       np.any(ends[at] + back_ends[at] > 0))
+    return classes.astype(str)
 
 
 def _stability(result, tables, periods, oscillators, by_point):

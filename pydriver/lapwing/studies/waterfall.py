@@ -11,10 +11,11 @@ from lapwing.codes import Status
 from lapwing.engine import TrajectoryCall, Wanted, position
 from lapwing.spectra import order_spectrum
 
-# Mesh cycles of a spectrum, whose lines are 1/32 of an order apart, and samples in each: the
-# displacement's lines fall with the square of the order, so that what is folded back onto the
-# orders kept, from 128 less these, is below a hundredth of the lines there.
-CYCLES, SAMPLES = 32, 128
+# Mesh cycles of a spectrum, whose lines are 1/48 of an order apart (those of periods 2, 3, 4, 6,
+# 8, … are among them), and samples in each: the displacement's lines fall with the square of the
+# order, so that what is folded back onto the orders kept, from 128 less these, is below a hundredth
+# of the lines there.
+CYCLES, SAMPLES = 48, 128
 # Orders kept: the natural frequency with half as much again, within these.
 LEAST_ORDER, MOST_ORDER = 8, 24
 
