@@ -115,7 +115,8 @@ def _table_arguments(oscillators, method="rk4"):
     to the middle of its range, so that a large constant costs no digits.
     """
     te = oscillators[0].te
-    if method == "exact" and 0 < len(te.harmonics) <= MAX_TERMS:  # the closed form takes the series itself
+    # The closed form takes the series itself.
+    if method == "exact" and 0 < len(te.harmonics) <= MAX_TERMS:
         return (np.array([0.0, 1.0]), np.zeros((6, 1), order="F"), np.zeros(1, dtype=np.intc),
                 np.asfortranarray(te.harmonics.T))
     coefficients = np.asfortranarray(te.coefficients.T.copy())
