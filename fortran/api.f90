@@ -39,9 +39,9 @@ contains
   end subroutine evaluate_table
 
   !> Go on with one trajectory until its target, a full log or the deadline.
-  subroutine trajectory(n_pieces, knots, coefficients, kinks, n_series, series, n_reals, reals, n_choices, &
-      choices, start, target, seconds, n_blob, blob, n_samples, sample_time, samples, n_log, log, &
-      n_cycles, cycles, done)
+  subroutine trajectory(n_pieces, knots, coefficients, kinks, n_series, series, n_reals, reals, &
+      n_choices, choices, start, target, seconds, n_blob, blob, n_samples, sample_time, samples, &
+      n_log, log, n_cycles, cycles, done)
     use lapwing_marshal, only: go_on_with_trajectory
     integer(c_int), intent(in) :: n_pieces                          !! table pieces
     real(c_double), intent(in) :: knots(n_pieces + 1)               !! mesh phase
@@ -76,8 +76,8 @@ contains
 
   !> Go on with a sweep until it is done or the deadline has come.
   subroutine sweep(n_pieces, knots, coefficients, kinks, n_series, series, n_reals, n_points, &
-      reals, n_choices, choices, n_lines, lines, starts, seconds, n_threads, n_blob, blobs, n_record, cycles, n_log, &
-      log, n_outcome, outcome)
+      reals, n_choices, choices, n_lines, lines, starts, seconds, n_threads, n_blob, blobs, &
+      n_record, cycles, n_log, log, n_outcome, outcome)
     use lapwing_marshal, only: go_on_with_sweep
     integer(c_int), intent(in) :: n_pieces                          !! table pieces
     real(c_double), intent(in) :: knots(n_pieces + 1)               !! mesh phase
@@ -94,8 +94,8 @@ contains
     integer(c_int), intent(in) :: n_lines                           !! lines
     integer(c_int), intent(inout) :: lines(5, n_lines)              !! first, last, carried, point,
                                                                     !! stage
-    real(c_double), intent(in) :: starts(4, n_lines)                !! -1 rest, or motion state; phi,
-                                                                    !! phi', phase
+    real(c_double), intent(in) :: starts(4, n_lines)                !! -1 rest, or motion state;
+                                                                    !! phi, phi', phase
     real(c_double), intent(in) :: seconds                           !! time for this call
     integer(c_int), intent(in) :: n_threads                         !! threads
     integer(c_int), intent(in) :: n_blob                            !! size of a blob

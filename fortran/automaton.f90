@@ -3,19 +3,20 @@
 module lapwing_automaton
   use lapwing_kinds, only: wp
   use lapwing_chatter, only: remaining_chatter
-  use lapwing_codes, only: separation, drive_flank, event_kink, event_chatter_end, status_ok, &
-      status_too_many_events, status_too_many_steps, status_step_too_small, status_not_finite
+  use lapwing_codes, only: separation, no_flank, drive_flank, event_kink, event_chatter_end, &
+      status_ok, status_too_many_events, status_too_many_steps, status_step_too_small, &
+      status_not_finite
   use lapwing_contact_rules, only: strike, strike_resting, begin_contact, let_go, &
       pressing_sign, log_event
-  use lapwing_event_search, only: crossing_t, find_crossing, polish_crossing, work_t, first_descent
+  use lapwing_event_search, only: crossing_t, find_crossing, polish_crossing, work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
-  use lapwing_polynomial, only: max_degree
+  use lapwing_polynomial, only: max_degree, first_descent
   use lapwing_rk4, only: rk4_step, rk4_move
   use lapwing_step_control, only: step_memory_t, error_ratio, after_accepted, after_rejected
-  use lapwing_system, only: system_t, frame_t, max_states
+  use lapwing_system, only: system_t, frame_t, reached_t, max_states
   implicit none
   private
-  public :: advance
+  public :: advance, at_stop, check_bounds, pass_stop
 
 contains
 
@@ -35,6 +36,7 @@ contains
     segment%t = state%instant%t
     segment%length = 0
     segment%stepped = .false.
+    segment%closed = .false.
     segment%n_events = 0
     segment%cycle_completed = .false.
     call system%open_frame(state%instant, segment%frame, z)
@@ -46,6 +48,8 @@ contains
     if (.not. resolved) then
       if (system%rigid .and. segment%motion_state /= separation) then
         call follow(system, state, segment, z)
+      else if (system%closed_form) then
+        call stretch_on(system, state, segment, work)
       else
         call step_on(system, numerics, state, segment, z, work, status)
       end if
@@ -138,10 +142,12 @@ contains
     real(wp), intent(in) :: z(max_states)           !! local coordinates at the beginning
     type(crossing_t) :: at
     real(wp) :: pressing(0:max_degree), s
+    logical :: answered
     integer :: flank
     flank = segment%motion_state
     at%frame = segment%frame
-    do
+    call system%rigid_release(state%instant, at%frame%stop, answered, at%found, s)
+    do while (.not. answered)
       call system%pressing(at%frame, flank, at%frame%piece_begin, z, pressing)
       call first_descent(pressing, at%frame%piece_end - at%frame%piece_begin, .true., at%found, s)
       if (at%found) exit
@@ -205,6 +211,37 @@ contains
       end if
     end if
   end subroutine step_on
+
+  !> One stretch in closed form, to the first event or the stop.
+  subroutine stretch_on(system, state, segment, work)
+    class(system_t), intent(in) :: system           !! what moves
+    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(segment_t), intent(inout) :: segment       !! what happened
+    type(work_t), intent(inout) :: work             !! counts
+    type(reached_t) :: reached
+    type(frame_t) :: frame
+    real(wp) :: z(max_states), distance, approach
+    work%stretches = work%stretches + 1
+    segment%closed = .true.
+    segment%begin = state%instant
+    call system%stretch(state%instant, segment%frame%stop, reached)
+    segment%length = reached%s
+    state%instant%chart = reached%chart
+    state%instant%y = reached%y
+    if (reached%flank == no_flank .or. at_stop(segment%frame, reached%s)) then
+      segment%length = segment%frame%stop
+      call pass_stop(system, state, segment)
+      return
+    end if
+    call move_time(state, segment)
+    call system%open_frame(state%instant, frame, z)
+    if (segment%motion_state == separation) then
+      call strike(system, state, segment, frame, reached%flank, 0.0_wp, z)
+    else
+      call system%contact(frame, reached%flank, 0.0_wp, z, distance, approach)
+      call leave_or_stay(system, state, segment, reached%flank, approach)
+    end if
+  end subroutine stretch_on
 
   !> Equal times, to the resolution of time: what happens at the stop, a kink or the end of the
   !> cycle, comes before an event at a flank.
@@ -273,15 +310,24 @@ contains
     else
       call system%contact(crossing%frame, crossing%flank, crossing%s, z_event, distance, approach)
       call system%commit(crossing%frame, crossing%s, z_event, crossing%flank, state%instant%y)
-      if (approach < 0) then
-        call let_go(system, state, segment, crossing%flank, approach)
-      else
-        ! The contact was only grazed from inside: the tooth stays.
-        call system%launch(crossing%flank, approach, state%instant%y)
-        state%instant%touching = crossing%flank
-      end if
+      call leave_or_stay(system, state, segment, crossing%flank, approach)
     end if
   end subroutine end_at_crossing
+
+  !> A contact has come to zero: release, or, where it was only grazed from inside, the tooth stays.
+  subroutine leave_or_stay(system, state, segment, flank, approach)
+    class(system_t), intent(in) :: system           !! what moves
+    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(segment_t), intent(inout) :: segment       !! what happened
+    integer, intent(in) :: flank                    !! flank in contact
+    real(wp), intent(in) :: approach                !! approach velocity
+    if (approach < 0) then
+      call let_go(system, state, segment, flank, approach)
+    else
+      call system%launch(flank, approach, state%instant%y)
+      state%instant%touching = flank
+    end if
+  end subroutine leave_or_stay
 
   !> Time at the end of a stretch that ends between two knots.
   pure subroutine move_time(state, segment)

@@ -4,7 +4,7 @@ module lapwing_chatter
   use lapwing_polynomial, only: max_degree, first_zero
   implicit none
   private
-  public :: remaining_chatter, below_resolution
+  public :: remaining_chatter, below_resolution, listed_down_to
 
   !> Bounces are followed one by one, and listed, while the rest of the chatter lasts longer than
   !> this part of the mesh period.

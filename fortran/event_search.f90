@@ -8,12 +8,12 @@
 module lapwing_event_search
   use lapwing_kinds, only: wp
   use lapwing_codes, only: separation
-  use lapwing_polynomial, only: max_degree, first_zero, first_nonzero, lift_off
+  use lapwing_polynomial, only: max_degree, first_descent
   use lapwing_rk4, only: rk4_move
   use lapwing_system, only: system_t, frame_t, motion_t, max_states
   implicit none
   private
-  public :: crossing_t, find_crossing, polish_crossing, work_t, first_descent
+  public :: crossing_t, find_crossing, polish_crossing, work_t
 
   !> Re-steps of the formula to an event; two suffice unless the crossing is nearly a graze.
   integer, parameter :: max_polish = 8
@@ -40,6 +40,7 @@ module lapwing_event_search
     real(wp) :: samples = 0            !! samples of the history evaluated
     real(wp) :: depth_searches = 0     !! pieces searched for the deepest point
     real(wp) :: graze_searches = 0     !! pieces searched for near-grazes
+    real(wp) :: stretches = 0          !! smooth stretches moved along in closed form
   end type work_t
 
 contains
@@ -92,30 +93,6 @@ contains
       length = at
     end do
   end subroutine search_piece
-
-  !> First zero of a distance that may begin at zero.
-  !>
-  !> Where it does and the next move there is decided (`leaves`), or where it rises, the zero is
-  !> divided out; leading coefficients that contradict the decision are rounding and go with it.
-  !> A distance that begins at or, by rounding, below zero and falls is a crossing at once.
-  pure subroutine first_descent(c, length, leaves, found, at)
-    real(wp), intent(inout) :: c(0:max_degree)   !! coefficients, changed where they begin at zero
-    real(wp), intent(in) :: length               !! interval
-    logical, intent(in) :: leaves                !! whether it is known to rise from zero
-    logical, intent(out) :: found                !! whether there is a zero
-    real(wp), intent(out) :: at                  !! where
-    integer :: times
-    found = .false.
-    at = 0
-    if (length < 0) return
-    if (c(0) <= 0) then
-      found = .not. leaves .and. first_nonzero(c(1:)) < 0
-      if (found) return
-      call lift_off(c, times)
-      if (times > max_degree) return
-    end if
-    call first_zero(c, length, found, at)
-  end subroutine first_descent
 
   pure subroutine count_search(work, flank)
     type(work_t), intent(inout) :: work   !! counts

@@ -44,8 +44,10 @@ module lapwing_hybrid_state
     integer :: cycle = 0                              !! cycle it began in
     real(wp) :: t = 0                                 !! time in it
     real(wp) :: length = 0                            !! duration
-    logical :: stepped = .false.                      !! whether `motion` describes it; otherwise
-                                                      !! the tooth lies on the flank of its chart
+    logical :: stepped = .false.                      !! whether `motion` describes it
+    logical :: closed = .false.                       !! or a closed form; if neither, the tooth
+                                                      !! lies on the flank of its chart
+    type(instant_t) :: begin                          !! where it began, in closed form
     type(frame_t) :: frame                            !! frame it began with
     type(motion_t) :: motion                          !! the step it is part of
     integer :: n_events = 0                           !! events at its end

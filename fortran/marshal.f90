@@ -3,19 +3,21 @@ module lapwing_marshal
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use lapwing_kinds, only: wp
   use lapwing_codes, only: separation, engagement, back_engagement, no_flank, drive_flank, &
-      coast_flank, method_rk4, method_exact, law_restitution, law_compliant, law_rigid, law_relative, law_absolute, &
-      gap_one_sided, gap_symmetric, gap_one_flank, event_impact, event_release, event_engage, &
+      coast_flank, method_rk4, method_exact, law_restitution, law_compliant, law_rigid, &
+      law_relative, law_absolute, gap_one_sided, gap_symmetric, gap_one_flank, event_impact, &
+      event_release, event_engage, &
       event_chatter_end, event_kink, event_near_graze, status_ok, status_too_many_events, &
       status_too_many_steps, status_step_too_small, status_not_finite, status_unfinished
   use lapwing_event_search, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
-  use lapwing_oscillator, only: oscillator_t, parameters_t, oscillator, start_at_rest, start_from
+  use lapwing_method, only: moved_by
+  use lapwing_oscillator, only: oscillator_t, parameters_t, start_at_rest, start_from
   use lapwing_polynomial, only: max_degree
   use lapwing_recorder, only: recorder_t, start_recording, log_columns, cycle_columns, &
       sample_columns
   use lapwing_run, only: run_to, deadline_in
   use lapwing_state_blob, only: blob_size, work_size, pack_blob, unpack_blob
-  use lapwing_sweep, only: sweep_t, line_t, sweep_lines
+  use lapwing_sweep, only: sweep_t, line_t, sweep_lines, prepare_sweep
   use lapwing_transmission_error, only: te_table_t, te_table, expand_at, locate_piece
   implicit none
   private
@@ -120,13 +122,16 @@ contains
     real(c_double), intent(inout), target, contiguous :: log(:, :)          !! (6, room)
     real(c_double), intent(inout), target, contiguous :: cycles(:, :)       !! (17, room)
     real(c_double), intent(out) :: done(8)                          !! how far it came
-    type(oscillator_t) :: system
+    class(oscillator_t), allocatable :: system
+    type(numerics_t) :: numerics
     type(hybrid_state_t) :: state
     type(recorder_t) :: recorder
     type(work_t) :: work
     real(wp) :: phi, phi_dot
     integer :: status
-    system = oscillator(parameters_from(reals, choices), knots, coefficients, kinks == 1)
+    numerics = numerics_from(reals, choices)
+    call moved_by(numerics%method, parameters_from(reals, choices), knots, coefficients, &
+        kinks == 1, series, system)
     recorder = recorder_from(reals, choices)
     if (start(1) > -1.5_wp) then
       state%instant = start_at_rest(system, start(4))
@@ -143,8 +148,8 @@ contains
       recorder%sample_time => sample_time
       recorder%samples => samples
     end if
-    call run_to(system, numerics_from(reals, choices), nint(target(1)), target(2), &
-        deadline_in(seconds), state, recorder, work, status)
+    call run_to(system, numerics, nint(target(1)), target(2), deadline_in(seconds), state, &
+        recorder, work, status)
     call pack_blob(state, recorder%sums, work, blob)
     call system%observe(state%instant, phi, phi_dot)
     done = [real([status, recorder%sums%n_log, recorder%sums%n_cycles, state%instant%cycle], wp), &
@@ -178,6 +183,7 @@ contains
     sweep%knots = knots
     sweep%coefficients = coefficients
     sweep%kinks = kinks == 1
+    sweep%series = series
     sweep%numerics = numerics_from(reals(:, 1), choices)
     sweep%recorder = recorder_from(reals(:, 1), choices)
     sweep%settle = choices(12)
@@ -189,6 +195,7 @@ contains
       line(i) = line_t(lines(1, i), lines(2, i), lines(3, i) == 1, lines(4, i), lines(5, i), &
           starts(:, i))
     end do
+    call prepare_sweep(sweep)
     call sweep_lines(sweep, line, blobs, deadline_in(seconds), n_threads)
     do i = 1, size(line)
       lines(4:5, i) = [line(i)%point, line(i)%stage]

@@ -11,11 +11,12 @@ module lapwing_oscillator
   use lapwing_polynomial, only: max_degree, horner, horner_slope, taylor_shift
   use lapwing_system, only: system_t, instant_t, frame_t, motion_t, step_t, max_states, &
       dense_degree, richardson, mean_rate
-  use lapwing_transmission_error, only: te_table_t, te_table, locate_piece, expand_at, &
+  use lapwing_transmission_error, only: te_table_t, te_table, find_jumps, locate_piece, expand_at, &
       flank_motion_at
   implicit none
   private
   public :: oscillator_t, parameters_t, oscillator, start_at_rest, start_from
+  public :: open_table_frame, frame_about
 
   !> Everything dimensionless that defines an oscillator but its table.
   type :: parameters_t
@@ -43,7 +44,9 @@ module lapwing_oscillator
     logical :: absolute = .false.         !! impact law of absolute velocities
     logical :: coast_moves = .true.       !! whether the coast flank moves with g
   contains
-    procedure :: open_frame, next_piece, derivatives, gap, contact, commit, pressing
+    procedure :: open_frame => open_table_frame
+    procedure :: flank_motion, change_force
+    procedure :: next_piece, derivatives, gap, contact, commit, pressing
     procedure :: rebound, sums_chatter, launch, pass_knot, scales, observe, stages
   end type oscillator_t
 
@@ -64,18 +67,33 @@ contains
       self%compliant = p%contact_law == law_compliant
       self%rigid = p%contact_law == law_rigid
       self%restitution = p%restitution
-      self%force = p%force
       self%damping = 2*p%damping_ratio
       self%width = merge(2*p%backlash, p%backlash, p%gap == gap_symmetric)
       self%absolute = p%impact_law == law_absolute
       self%coast_moves = p%back_flank_te
-      self%angle_scale = min(p%backlash, max(abs(p%force), p%peak_to_peak))
-      if (self%angle_scale <= 0) self%angle_scale = p%backlash
-      self%flight_velocity_scale = self%angle_scale*min(1.0_wp, p%mesh_frequency_ratio)
+      call set_force(self, p)
       self%table = te_table(knots, coefficients, kinks, p%flank_scale, self%period, &
           felt_jump(p, self%angle_scale))
     end associate
   end function oscillator
+
+  !> The force, and the scales that hang on it.
+  pure subroutine set_force(self, p)
+    class(oscillator_t), intent(inout) :: self
+    type(parameters_t), intent(in) :: p      !! dimensionless parameters
+    self%force = p%force
+    self%angle_scale = min(p%backlash, max(abs(p%force), p%peak_to_peak))
+    if (self%angle_scale <= 0) self%angle_scale = p%backlash
+    self%flight_velocity_scale = self%angle_scale*min(1.0_wp, p%mesh_frequency_ratio)
+  end subroutine set_force
+
+  !> The same oscillator under another force.
+  pure subroutine change_force(self, parameters)
+    class(oscillator_t), intent(inout) :: self
+    type(parameters_t), intent(in) :: parameters   !! dimensionless parameters
+    call set_force(self, parameters)
+    call find_jumps(self%table, felt_jump(parameters, self%angle_scale))
+  end subroutine change_force
 
   !> Smallest curvature jump of g that a step in contact may not cross.
   !>
@@ -91,7 +109,7 @@ contains
   !> Start `rest`: the tooth rests on the flank that F presses it to, moving with it. A negative F
   !> wants a coast flank.
   function start_at_rest(self, phase) result(instant)
-    type(oscillator_t), intent(in) :: self   !! oscillator
+    class(oscillator_t), intent(in) :: self  !! oscillator
     real(wp), intent(in) :: phase            !! mesh phase, periods
     type(instant_t) :: instant
     real(wp) :: deflection
@@ -108,7 +126,7 @@ contains
 
   !> Start from a motion state, phi and phi'.
   function start_from(self, phase, motion_state, phi, phi_dot) result(instant)
-    type(oscillator_t), intent(in) :: self     !! oscillator
+    class(oscillator_t), intent(in) :: self    !! oscillator
     real(wp), intent(in) :: phase              !! mesh phase, periods
     integer, intent(in) :: motion_state        !! separation, engagement or back_engagement
     real(wp), intent(in) :: phi, phi_dot       !! rad, rad per tau
@@ -122,7 +140,7 @@ contains
       instant%chart = coast_flank
       instant%y(1) = phi + self%width
       if (.not. self%coast_moves) then
-        call flank_motion_at(self%table, instant%t, instant%piece, g, slope)
+        call self%flank_motion(instant%t, instant%piece, g, slope)
         instant%y(1:2) = instant%y(1:2) + [g, slope]
       end if
     end if
@@ -130,7 +148,7 @@ contains
   end function start_from
 
   !> Open the Galilean frame of the flank last touched.
-  pure subroutine open_frame(self, instant, frame, z)
+  pure subroutine open_table_frame(self, instant, frame, z)
     class(oscillator_t), intent(in) :: self
     type(instant_t), intent(in) :: instant       !! where the step begins
     type(frame_t), intent(out) :: frame          !! its frame
@@ -138,8 +156,6 @@ contains
     real(wp) :: g(0:max_degree)
     associate (table => self%table)
       frame%piece = locate_piece(table, instant%t, instant%piece)
-      frame%chart = instant%chart
-      frame%t = instant%t
       frame%piece_end = table%knot(frame%piece + 1) - instant%t
       frame%stop_knot = table%next_kink(frame%piece)
       if (instant%motion_state /= separation .and. .not. self%rigid) then
@@ -148,6 +164,20 @@ contains
       frame%stop = table%knot(frame%stop_knot) - instant%t
       call expand_at(table, frame%piece, instant%t, g)
     end associate
+    call frame_about(self, instant, g, frame, z)
+  end subroutine open_table_frame
+
+  !> Flanks in the frame, from the Taylor coefficients of g.
+  pure subroutine frame_about(self, instant, taylor, frame, z)
+    class(oscillator_t), intent(in) :: self
+    type(instant_t), intent(in) :: instant           !! where the step begins
+    real(wp), intent(in) :: taylor(0:max_degree)     !! of g there
+    type(frame_t), intent(inout) :: frame            !! its frame
+    real(wp), intent(out) :: z(max_states)           !! local coordinates of the instant
+    real(wp) :: g(0:max_degree)
+    g = taylor
+    frame%chart = instant%chart
+    frame%t = instant%t
     frame%origin = g(0)
     if (frame%chart == drive_flank .or. self%coast_moves) then
       frame%origin_rate = g(1)
@@ -165,7 +195,16 @@ contains
       frame%flank(0, drive_flank) = frame%flank(0, drive_flank) + self%width
     end if
     z = instant%y
-  end subroutine open_frame
+  end subroutine frame_about
+
+  !> g and g'.
+  pure subroutine flank_motion(self, t, piece, g, slope)
+    class(oscillator_t), intent(in) :: self
+    real(wp), intent(in) :: t                    !! time in the cycle
+    integer, intent(in) :: piece                 !! table piece to look at first
+    real(wp), intent(out) :: g, slope            !! position and velocity
+    call flank_motion_at(self%table, t, piece, g, slope)
+  end subroutine flank_motion
 
   !> Carry position and velocity of the flanks over to the next piece, whose bend takes over.
   pure subroutine next_piece(self, frame)
@@ -401,7 +440,7 @@ contains
     if (instant%chart == drive_flank) return
     phi = phi - self%width
     if (self%coast_moves) return
-    call flank_motion_at(self%table, instant%t, instant%piece, g, slope)
+    call self%flank_motion(instant%t, instant%piece, g, slope)
     phi = phi - g
     phi_dot = phi_dot - slope
   end subroutine observe

@@ -7,8 +7,8 @@ module lapwing_polynomial
   use lapwing_kinds, only: wp
   implicit none
   private
-  public :: max_degree, horner, horner_slope, taylor_shift, bernstein, first_zero, critical_points
-  public :: lift_off, first_nonzero
+  public :: max_degree, horner, horner_slope, taylor_shift, bernstein, bernstein_on, first_zero
+  public :: first_descent, critical_points, lift_off, first_nonzero
 
   integer, parameter :: max_degree = 5
   !> Halvings before two roots closer than 2**-48 of the interval are treated as one.
@@ -67,6 +67,15 @@ contains
     end do
   end function bernstein
 
+  !> Bernstein coefficients on [0, length].
+  pure function bernstein_on(c, length) result(b)
+    real(wp), intent(in) :: c(0:max_degree)  !! coefficients
+    real(wp), intent(in) :: length           !! interval
+    real(wp) :: b(0:max_degree), scaled(0:max_degree)
+    call scale_to_unit(c, length, scaled)
+    b = bernstein(scaled)
+  end function bernstein_on
+
   !> Make a polynomial that leaves zero at the origin positive there: divide by x as often as the
   !> leading coefficient is not positive. `times` tells how often.
   pure subroutine lift_off(c, times)
@@ -81,12 +90,14 @@ contains
 
   !> First x in (0, length] where a polynomial that is positive at 0 is no longer positive.
   !> Right to the rounding of its terms, sum |c_k| length**k, which decides where roots meet.
-  pure subroutine first_zero(c, length, found, x)
+  !> To the last bits, or to `rough` of the interval.
+  pure subroutine first_zero(c, length, found, x, rough)
     real(wp), intent(in) :: c(0:max_degree)  !! coefficients, c(0) > 0
     real(wp), intent(in) :: length           !! interval
     logical, intent(out) :: found            !! whether there is one
     real(wp), intent(out) :: x               !! where
-    real(wp) :: scaled(0:max_degree), b(0:max_degree)
+    real(wp), intent(in), optional :: rough  !! error allowed, over the interval
+    real(wp) :: scaled(0:max_degree), b(0:max_degree), allowed
     call scale_to_unit(c, length, scaled)
     b = bernstein(scaled)
     found = .false.
@@ -94,9 +105,35 @@ contains
     if (minval(b) > 0) return
     ! Not a number: nothing to isolate; whoever moves the state sees it and says so.
     if (.not. abs(sum(b)) <= huge(x)) return
-    call first_zero_on_unit(scaled, b, found, x)
+    allowed = 0
+    if (present(rough)) allowed = rough
+    call first_zero_on_unit(scaled, b, allowed, found, x)
     x = x*length
   end subroutine first_zero
+
+  !> First zero of a distance that may begin at zero.
+  !>
+  !> Where it does and the next move there is decided (`leaves`), or where it rises, the zero is
+  !> divided out; leading coefficients that contradict the decision are rounding and go with it.
+  !> A distance that begins at or, by rounding, below zero and falls is a crossing at once.
+  pure subroutine first_descent(c, length, leaves, found, at)
+    real(wp), intent(inout) :: c(0:max_degree)   !! coefficients, changed where they begin at zero
+    real(wp), intent(in) :: length               !! interval
+    logical, intent(in) :: leaves                !! whether it is known to rise from zero
+    logical, intent(out) :: found                !! whether there is a zero
+    real(wp), intent(out) :: at                  !! where
+    integer :: times
+    found = .false.
+    at = 0
+    if (length < 0) return
+    if (c(0) <= 0) then
+      found = .not. leaves .and. first_nonzero(c(1:)) < 0
+      if (found) return
+      call lift_off(c, times)
+      if (times > max_degree) return
+    end if
+    call first_zero(c, length, found, at)
+  end subroutine first_descent
 
   pure subroutine scale_to_unit(c, length, scaled)
     real(wp), intent(in) :: c(0:max_degree)        !! coefficients
@@ -112,9 +149,10 @@ contains
   end subroutine scale_to_unit
 
   !> Leftmost sign change on [0, 1], by halving until one variation is left.
-  pure subroutine first_zero_on_unit(c, b_whole, found, x)
+  pure subroutine first_zero_on_unit(c, b_whole, allowed, found, x)
     real(wp), intent(in) :: c(0:max_degree)        !! coefficients
     real(wp), intent(in) :: b_whole(0:max_degree)  !! Bernstein coefficients on [0, 1]
+    real(wp), intent(in) :: allowed                !! error allowed
     logical, intent(out) :: found                  !! whether there is one
     real(wp), intent(out) :: x                     !! where
     real(wp) :: b(0:max_degree, 0:max_depth), lower(0:max_depth), width(0:max_depth)
@@ -138,7 +176,7 @@ contains
         top = top - 1
       else if (variations == 1 .and. b(max_degree, top) <= 0) then
         found = .true.
-        x = bracketed_root(c, lower(top), lower(top) + width(top))
+        x = bracketed_root(c, lower(top), lower(top) + width(top), allowed)
         return
       else if (top == max_depth) then
         ! A double root to the last bits: it counts where the polynomial does not stay positive.
@@ -191,9 +229,10 @@ contains
 
   !> The one root between lower, where the polynomial is positive, and upper: Newton kept in its
   !> bracket. A value that rounds to zero or below at lower puts the root there.
-  pure real(wp) function bracketed_root(c, lower, upper) result(x)
+  pure real(wp) function bracketed_root(c, lower, upper, allowed) result(x)
     real(wp), intent(in) :: c(0:max_degree)  !! coefficients
     real(wp), intent(in) :: lower, upper     !! bracket
+    real(wp), intent(in) :: allowed          !! error allowed
     real(wp) :: a, b, value, slope, step
     integer :: iteration
     a = lower
@@ -213,7 +252,7 @@ contains
         step = 0.5_wp*(a + b) - x
       end if
       x = x + step
-      if (abs(step) <= 2*epsilon(x)*abs(x) .or. value == 0) return
+      if (abs(step) <= max(2*epsilon(x)*abs(x), allowed) .or. value == 0) return
     end do
   end function bracketed_root
 

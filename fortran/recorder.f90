@@ -82,7 +82,7 @@ contains
     type(work_t), intent(inout) :: work          !! counts
     integer :: i
     if (associated(self%samples)) call take_samples(self, system, segment, work)
-    if (self%want_grazes .and. segment%stepped) then
+    if (self%want_grazes .and. (segment%stepped .or. segment%closed)) then
       call find_grazes(self, system, segment, huge(1.0_wp), work)
       self%sums%grazes_known_to = -1
     end if
@@ -105,7 +105,7 @@ contains
     real(wp), intent(in) :: until                !! time in the segment's cycle
     type(work_t), intent(inout) :: work          !! counts
     if (associated(self%samples)) call take_samples(self, system, segment, work)
-    if (self%want_grazes .and. segment%stepped .and. until > segment%t) then
+    if (self%want_grazes .and. (segment%stepped .or. segment%closed) .and. until > segment%t) then
       call find_grazes(self, system, segment, until, work)
       self%sums%grazes_known_to = until
     end if
@@ -131,6 +131,10 @@ contains
     type(work_t), intent(inout) :: work          !! counts
     associate (sums => self%sums)
       if (segment%length > 0) sums%states_visited = ibset(sums%states_visited, segment%motion_state)
+      if (segment%closed) then
+        call deepen_in_closed_form(system, segment, sums, work)
+        return
+      end if
       if (.not. segment%stepped) return
       if (segment%motion_state == separation) then
         call deepen(system, segment, drive_flank, 1.0_wp, sums%flight_depth, work)
@@ -140,6 +144,24 @@ contains
       end if
     end associate
   end subroutine measure
+
+  !> The same for a stretch in closed form.
+  subroutine deepen_in_closed_form(system, segment, sums, work)
+    class(system_t), intent(in) :: system        !! what moves
+    type(segment_t), intent(in) :: segment       !! what happened
+    type(sums_t), intent(inout) :: sums          !! deepest points so far
+    type(work_t), intent(inout) :: work          !! counts
+    if (segment%motion_state == engagement) return
+    work%depth_searches = work%depth_searches + 1
+    if (segment%motion_state == separation) then
+      sums%flight_depth = system%deepest(segment%begin, drive_flank, segment%length, &
+          sums%flight_depth)
+      sums%cycle_depth = max(sums%cycle_depth, sums%flight_depth)
+    else
+      sums%back_penetration = system%deepest(segment%begin, coast_flank, segment%length, &
+          sums%back_penetration)
+    end if
+  end subroutine deepen_in_closed_form
 
   !> Raise `deepest` to the largest sign*distance from a flank in a segment.
   !>
@@ -273,6 +295,13 @@ contains
     type(frame_t) :: frame
     integer :: flank
     frame = segment%frame
+    if (segment%closed) then
+      do flank = 1, system%n_flanks
+        if (segment%motion_state /= separation .and. segment%motion_state /= flank) cycle
+        call grazes_in_closed_form(self, system, segment, flank, until, work)
+      end do
+      return
+    end if
     do
       do flank = 1, system%n_flanks
         if (segment%motion_state /= separation .and. segment%motion_state /= flank) cycle
@@ -293,7 +322,6 @@ contains
     real(wp), intent(in) :: until                !! time in the cycle: later ones wait
     type(work_t), intent(inout) :: work          !! counts
     real(wp) :: c(0:max_degree), length, at(max_degree), distance
-    type(event_t) :: event
     type(instant_t) :: instant
     integer :: i, n
     length = min(frame%piece_end, segment%length) - frame%piece_begin
@@ -307,15 +335,53 @@ contains
       if (distance <= 0 .or. distance > self%graze_distance) cycle
       if (horner(c, at(i) - 1.0e-3_wp*length) < distance) cycle
       call instant_in_segment(system, segment, frame, frame%piece_begin + at(i), instant)
-      if (instant%t <= self%sums%grazes_known_to .or. instant%t > until) cycle
-      event%kind = event_kind(event_near_graze, flank)
-      event%cycle = segment%cycle
-      event%t = instant%t
-      call system%observe(instant, event%phi, event%before)
-      event%after = event%before
-      call log_line(self, event)
+      call log_graze(self, system, segment, flank, instant, until)
     end do
   end subroutine graze_on_piece
+
+  !> Near-grazes of one flank on a stretch in closed form.
+  subroutine grazes_in_closed_form(self, system, segment, flank, until, work)
+    type(recorder_t), intent(inout) :: self
+    class(system_t), intent(in) :: system        !! what moves
+    type(segment_t), intent(in) :: segment       !! what happened
+    integer, intent(in) :: flank                 !! flank
+    real(wp), intent(in) :: until                !! time in the cycle: later ones wait
+    type(work_t), intent(inout) :: work          !! counts
+    real(wp) :: from, s, distance, bend, inward
+    type(instant_t) :: instant
+    logical :: found
+    work%graze_searches = work%graze_searches + 1
+    inward = merge(1.0_wp, -1.0_wp, segment%motion_state == separation)
+    from = 0
+    do
+      call system%turn(segment%begin, flank, from, segment%length, found, s, distance, bend)
+      if (.not. found) return
+      distance = inward*distance
+      if (distance > 0 .and. distance <= self%graze_distance .and. inward*bend > 0) then
+        call instant_in_segment(system, segment, segment%frame, s, instant)
+        call log_graze(self, system, segment, flank, instant, until)
+      end if
+      from = s
+    end do
+  end subroutine grazes_in_closed_form
+
+  !> Log a near-graze in the time asked about.
+  subroutine log_graze(self, system, segment, flank, instant, until)
+    type(recorder_t), intent(inout) :: self
+    class(system_t), intent(in) :: system        !! what moves
+    type(segment_t), intent(in) :: segment       !! what happened
+    integer, intent(in) :: flank                 !! flank
+    type(instant_t), intent(in) :: instant       !! where the distance turns
+    real(wp), intent(in) :: until                !! time in the cycle: later ones wait
+    type(event_t) :: event
+    if (instant%t <= self%sums%grazes_known_to .or. instant%t > until) return
+    event%kind = event_kind(event_near_graze, flank)
+    event%cycle = segment%cycle
+    event%t = instant%t
+    call system%observe(instant, event%phi, event%before)
+    event%after = event%before
+    call log_line(self, event)
+  end subroutine log_graze
 
   !> Samples of the history that fall in a segment.
   subroutine take_samples(self, system, segment, work)
@@ -368,6 +434,7 @@ contains
     instant%cycle = segment%cycle
     instant%t = segment%t + s
     instant%piece = frame%piece
+    if (segment%closed) call system%inside(segment%begin, s, instant%y)
     if (.not. segment%stepped) return
     z = 0
     do i = 1, system%n_states

@@ -1,7 +1,7 @@
 !> One trajectory from where it is to a target, recorded.
 module lapwing_run
   use lapwing_kinds, only: wp, int64
-  use lapwing_automaton, only: advance
+  use lapwing_exact_automaton, only: advance_any
   use lapwing_codes, only: status_ok, status_unfinished, status_step_too_small, &
       status_not_finite
   use lapwing_event_search, only: work_t
@@ -50,7 +50,7 @@ contains
       if (status /= status_ok) return
       before = state
       work_before = work
-      call advance(system, numerics, state, segment, work, status)
+      call advance_any(system, numerics, state, segment, work, status)
       if (status == status_step_too_small .or. status == status_not_finite) then
         state = before
         return

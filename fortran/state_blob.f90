@@ -9,7 +9,7 @@ module lapwing_state_blob
   private
   public :: blob_size, work_size, pack_blob, unpack_blob, pack_work
 
-  integer, parameter :: work_size = 8
+  integer, parameter :: work_size = 9
   !> The counts come first: Python reads them there.
   integer, parameter :: at = work_size
   integer, parameter :: fixed_size = at + 36 + max_states
@@ -85,12 +85,14 @@ contains
     type(work_t), intent(in) :: work   !! counts
     real(wp) :: array(work_size)
     array = [work%steps, work%rejected, work%polish_steps, work%drive_searches, &
-        work%coast_searches, work%samples, work%depth_searches, work%graze_searches]
+        work%coast_searches, work%samples, work%depth_searches, work%graze_searches, &
+        work%stretches]
   end function pack_work
 
   pure function unpack_work(array) result(work)
     real(wp), intent(in) :: array(work_size)   !! counts
     type(work_t) :: work
-    work = work_t(array(1), array(2), array(3), array(4), array(5), array(6), array(7), array(8))
+    work = work_t(array(1), array(2), array(3), array(4), array(5), array(6), array(7), array(8), &
+        array(9))
   end function unpack_work
 end module lapwing_state_blob

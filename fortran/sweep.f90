@@ -8,13 +8,14 @@ module lapwing_sweep
   use lapwing_codes, only: status_ok, status_unfinished
   use lapwing_event_search, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
-  use lapwing_oscillator, only: oscillator_t, parameters_t, oscillator, start_at_rest, start_from
+  use lapwing_method, only: moved_by
+  use lapwing_oscillator, only: oscillator_t, parameters_t, start_at_rest, start_from
   use lapwing_recorder, only: recorder_t, start_recording
   use lapwing_run, only: run_to
   use lapwing_state_blob, only: pack_blob, unpack_blob, pack_work
   implicit none
   private
-  public :: sweep_t, line_t, sweep_lines
+  public :: sweep_t, line_t, sweep_lines, prepare_sweep
 
   ! Stages of the point under way, and of a line that is done. The last settling cycle has its own.
   integer, parameter :: stage_start = 0, stage_settle = 1, stage_prepare = 2, stage_record = 3
@@ -23,9 +24,12 @@ module lapwing_sweep
   !> What every point of a sweep has in common, and where results go.
   type :: sweep_t
     type(parameters_t), allocatable :: point(:)                    !! (n_points)
+    class(oscillator_t), allocatable :: first                      !! of the first point, where
+                                                                   !! the others differ in force
     real(wp), allocatable :: knots(:)                              !! table, see `oscillator`
     real(wp), allocatable :: coefficients(:, :)                    !! table
     logical, allocatable :: kinks(:)                               !! table
+    real(wp), allocatable :: series(:, :)                          !! or series
     type(numerics_t) :: numerics                                   !! tolerances and bounds
     type(recorder_t) :: recorder                                   !! what is wanted of each point
     integer :: settle = 0                                          !! cycles before recording
@@ -49,6 +53,17 @@ module lapwing_sweep
 
 contains
 
+  !> What the points share is made once.
+  subroutine prepare_sweep(sweep)
+    type(sweep_t), intent(inout) :: sweep            !! the sweep, its points known
+    integer :: i
+    do i = 2, size(sweep%point)
+      if (.not. differ_in_force_only(sweep%point(1), sweep%point(i))) return
+    end do
+    call moved_by(sweep%numerics%method, sweep%point(1), sweep%knots, sweep%coefficients, &
+        sweep%kinks, sweep%series, sweep%first)
+  end subroutine prepare_sweep
+
   !> Go on with every line until it is done or the deadline has come.
   subroutine sweep_lines(sweep, lines, blobs, deadline, n_threads)
     type(sweep_t), intent(in) :: sweep               !! the sweep
@@ -71,14 +86,14 @@ contains
     type(line_t), intent(inout) :: line              !! the line
     real(wp), intent(inout) :: blob(:)               !! run under way
     integer(int64), intent(in) :: deadline           !! clock count at which to stop
-    type(oscillator_t) :: system
+    class(oscillator_t), allocatable :: system
     type(hybrid_state_t) :: state
     type(recorder_t) :: recorder
     type(work_t) :: work
     real(wp) :: final(3, 1)
     integer :: status
     do while (line%stage < stage_done)
-      system = oscillator(sweep%point(line%point), sweep%knots, sweep%coefficients, sweep%kinks)
+      call make_system(sweep, sweep%point(line%point), system)
       recorder = sweep%recorder
       if (line%stage == stage_start) then
         call start_point(system, line, blob, state)
@@ -96,9 +111,34 @@ contains
     end do
   end subroutine go_on
 
+  !> The oscillator of a point: its own, or the first one under another force.
+  subroutine make_system(sweep, point, system)
+    type(sweep_t), intent(in) :: sweep                         !! the sweep
+    type(parameters_t), intent(in) :: point                    !! the point's parameters
+    class(oscillator_t), allocatable, intent(out) :: system    !! its oscillator
+    if (allocated(sweep%first)) then
+      allocate (system, source=sweep%first)
+      call system%change_force(point)
+    else
+      call moved_by(sweep%numerics%method, point, sweep%knots, sweep%coefficients, &
+          sweep%kinks, sweep%series, system)
+    end if
+  end subroutine make_system
+
+  !> Whether two points differ in nothing but their force.
+  pure logical function differ_in_force_only(one, other) result(same)
+    type(parameters_t), intent(in) :: one, other               !! parameters of two points
+    same = one%mesh_frequency_ratio == other%mesh_frequency_ratio &
+        .and. one%flank_scale == other%flank_scale &
+        .and. one%peak_to_peak == other%peak_to_peak &
+        .and. one%damping_ratio == other%damping_ratio &
+        .and. one%restitution == other%restitution &
+        .and. one%backlash == other%backlash .and. one%tolerance == other%tolerance
+  end function differ_in_force_only
+
   !> Where a point begins: the state the line carries, or rest.
   subroutine start_point(system, line, blob, state)
-    type(oscillator_t), intent(in) :: system         !! the point's oscillator
+    class(oscillator_t), intent(in) :: system        !! the point's oscillator
     type(line_t), intent(in) :: line                 !! the line
     real(wp), intent(in) :: blob(:)                  !! carried: -1 or motion state, phi, phi'
     type(hybrid_state_t), intent(out) :: state       !! state to begin with
@@ -116,7 +156,7 @@ contains
   !> run through the last settling cycle too, and its line is dropped.
   subroutine run_point(sweep, system, line, deadline, state, recorder, work, status, final)
     type(sweep_t), intent(in) :: sweep               !! the sweep
-    type(oscillator_t), intent(in) :: system         !! the point's oscillator
+    class(oscillator_t), intent(in) :: system        !! the point's oscillator
     type(line_t), intent(inout) :: line              !! the line
     integer(int64), intent(in) :: deadline           !! clock count at which to stop
     type(hybrid_state_t), intent(inout) :: state     !! state

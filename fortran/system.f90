@@ -11,7 +11,7 @@ module lapwing_system
   implicit none
   private
   public :: max_states, dense_degree
-  public :: instant_t, frame_t, motion_t, step_t, system_t, richardson, mean_rate, &
+  public :: instant_t, frame_t, motion_t, step_t, reached_t, system_t, richardson, mean_rate, &
       stages_by_dispatch
 
   integer, parameter :: max_states = 8            !! largest number of state variables
@@ -60,6 +60,14 @@ module lapwing_system
     real(wp) :: dense(0:dense_degree, max_states) = 0       !! dense output
   end type motion_t
 
+  !> The end of a smooth stretch in closed form.
+  type :: reached_t
+    integer :: flank = 0                 !! flank met, or none: it lasts until its stop
+    integer :: chart = 1                 !! flank that y refers to: the one met, if any
+    real(wp) :: s = 0                    !! duration
+    real(wp) :: y(max_states) = 0        !! state variables, before whatever happens there
+  end type reached_t
+
   type, abstract :: system_t
     integer :: n_states = 2        !! state variables in use
     integer :: n_flanks = 2        !! 2, or 1 where there is no coast flank
@@ -67,6 +75,7 @@ module lapwing_system
     logical :: compliant = .false. !! contact without impact law
     logical :: rigid = .false.     !! an engaged tooth follows its flank; nothing else may move
                                    !! then (n_states = 2)
+    logical :: closed_form = .false. !! moves by `stretch` and its like, not by steps
     real(wp) :: restitution = 1    !! used to sum a chatter; the law itself is `rebound`
   contains
     procedure(open_frame_i), deferred :: open_frame
@@ -83,6 +92,8 @@ module lapwing_system
     procedure(scales_i), deferred :: scales
     procedure(observe_i), deferred :: observe
     procedure :: stages => stages_by_dispatch
+    ! Asked only of a system with a closed form, which overrides them.
+    procedure :: stretch, inside, turn, deepest, rigid_release
   end type system_t
 
   abstract interface
@@ -257,4 +268,65 @@ contains
       call self%derivatives(frame, motion_state, s, at, rate)
     end subroutine rate_of_change
   end subroutine stages_by_dispatch
+
+  !> The smooth stretch that begins at an instant.
+  pure subroutine stretch(self, instant, stop, reached)
+    class(system_t), intent(in) :: self
+    type(instant_t), intent(in) :: instant       !! where it begins
+    real(wp), intent(in) :: stop                 !! latest end
+    type(reached_t), intent(out) :: reached      !! its end
+    reached%chart = instant%chart
+    reached%s = stop
+    reached%y(1:self%n_states) = instant%y(1:self%n_states)
+  end subroutine stretch
+
+  !> State variables, in the chart of a stretch's beginning, at s after it.
+  pure subroutine inside(self, begin, s, y)
+    class(system_t), intent(in) :: self
+    type(instant_t), intent(in) :: begin         !! where the stretch begins
+    real(wp), intent(in) :: s                    !! time since then
+    real(wp), intent(out) :: y(max_states)       !! state variables
+    y = 0
+    if (s >= 0) y(1:self%n_states) = begin%y(1:self%n_states)
+  end subroutine inside
+
+  !> First turn of the distance to a flank after `from`, which is zero or the last turn found.
+  pure subroutine turn(self, begin, flank, from, until, found, s, distance, bend)
+    class(system_t), intent(in) :: self
+    type(instant_t), intent(in) :: begin         !! where the stretch begins
+    integer, intent(in) :: flank                 !! flank
+    real(wp), intent(in) :: from, until          !! times since then
+    logical, intent(out) :: found                !! whether there is one
+    real(wp), intent(out) :: s                   !! when
+    real(wp), intent(out) :: distance            !! positive in separation, rad
+    real(wp), intent(out) :: bend                !! its second derivative
+    found = .false.
+    s = until
+    distance = 0
+    bend = 0
+  end subroutine turn
+
+  !> Largest distance from the drive flank, or depth in the coast flank, over a stretch, if it
+  !> exceeds `least`.
+  pure real(wp) function deepest(self, begin, flank, until, least)
+    class(system_t), intent(in) :: self
+    type(instant_t), intent(in) :: begin         !! where the stretch begins
+    integer, intent(in) :: flank                 !! flank
+    real(wp), intent(in) :: until                !! its length
+    real(wp), intent(in) :: least                !! value known already, rad
+    deepest = least
+  end function deepest
+
+  !> When a tooth in rigid contact would be pulled, where the flank is no table.
+  pure subroutine rigid_release(self, instant, stop, answered, found, s)
+    class(system_t), intent(in) :: self
+    type(instant_t), intent(in) :: instant       !! where the tooth is
+    real(wp), intent(in) :: stop                 !! latest end
+    logical, intent(out) :: answered             !! whether the rest says anything
+    logical, intent(out) :: found                !! whether it is
+    real(wp), intent(out) :: s                   !! when
+    answered = .false.
+    found = .false.
+    s = stop
+  end subroutine rigid_release
 end module lapwing_system

@@ -4,7 +4,7 @@ module lapwing_transmission_error
   use lapwing_polynomial, only: max_degree, taylor_shift, horner, horner_slope
   implicit none
   private
-  public :: te_table_t, te_table, locate_piece, expand_at, flank_motion_at
+  public :: te_table_t, te_table, find_jumps, locate_piece, expand_at, flank_motion_at
 
   !> g(t) = sum_k coefficient(k,i) (t - knot(i))**k for knot(i) <= t < knot(i+1), t in [0, period).
   type :: te_table_t
@@ -49,7 +49,9 @@ contains
     real(wp), intent(in) :: felt_curvature_jump    !! rad per tau**2
     real(wp) :: before(0:max_degree), curvature_jump(table%n + 1)
     integer :: i, left, kink_after, felt_after
-    allocate (table%slope_jump(table%n + 1), table%next_kink(table%n), table%next_felt(table%n))
+    if (.not. allocated(table%slope_jump)) then
+      allocate (table%slope_jump(table%n + 1), table%next_kink(table%n), table%next_felt(table%n))
+    end if
     do i = 1, table%n
       left = merge(table%n, i - 1, i == 1)
       before = table%coefficient(:, left)

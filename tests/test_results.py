@@ -25,7 +25,8 @@ def responses():
         response(scene_a(1.8), PAIR, name="z", claim_deepest_separation=0.00063,
                  claim_text="3 impacts", **SHORT),
         response(scene_a(12), PAIR, name="m", **SHORT),
-        response(scene_a(1.8), PAIR, name="a", max_steps_per_cycle=3, **SHORT)]
+        response(scene_a(1.8), PAIR, name="a", method="rk4",
+                 max_steps_per_cycle=3, **SHORT)]
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +34,8 @@ def swept():
     """A few torques; at the lowest step bound every point fails."""
     torques = {"values": (0.5, 1.8, 12.1), "observe": ("cycles", "impacts"), "max_impacts": 50}
     return {"torque": lapwing.sweep(PAIR, SHIPPED, **torques, **SWEPT),
-            "broken": lapwing.sweep(PAIR, SHIPPED, **torques, **SWEPT, max_steps_per_cycle=3)}
+            "broken": lapwing.sweep(PAIR, SHIPPED, **torques, **SWEPT, method="rk4",
+                                    max_steps_per_cycle=3)}
 
 
 @pytest.fixture(scope="module")

@@ -13,10 +13,17 @@ SCENES = [lambda **o: scene_a(1.8, **o), lambda **o: scene_a(5.5, "relative", **
 
 @pytest.mark.parametrize("build", SCENES)
 def test_nothing_asked_nothing_done(build):
-    work = simulate(build(), cycles=5, record=()).work
+    work = simulate(build(), cycles=5, record=(), method="rk4").work
     assert (work["samples"], work["depth_searches"], work["graze_searches"]) == (0, 0, 0)
     assert work["steps"] > 0 and work["drive_flank_searches"] > 0
     assert work["coast_flank_searches"] > 0
+
+
+@pytest.mark.parametrize("build", SCENES)
+def test_nothing_asked_nothing_done_in_closed_form(build):
+    work = simulate(build(), cycles=5, record=(), method="exact").work
+    assert work.pop("stretches") > 5
+    assert not any(work.values())
 
 
 @pytest.mark.parametrize("build", SCENES)
@@ -33,7 +40,8 @@ def test_each_record_costs_its_own_searches_only(build, record, counter):
 @pytest.mark.parametrize("build", SCENES)
 def test_without_a_coast_flank_none_is_searched(build):
     for contact_law_record in (("events", "cycles", "grazes"), ()):
-        work = simulate(build(gap="one_flank"), cycles=5, record=contact_law_record).work
+        work = simulate(build(gap="one_flank"), cycles=5, record=contact_law_record,
+                        method="rk4").work
         assert work["coast_flank_searches"] == 0 < work["drive_flank_searches"]
 
 
@@ -57,7 +65,7 @@ def test_samples_are_taken_by_the_history_alone():
 def test_searches_follow_the_steps():
     """A flight searches each flank once a step and table piece, a contact its own flank."""
     osc = oscillator(restitution=1.0, backlash=1.0, period=4.0)
-    work = simulate(osc, ("separation", -0.25, 0.0), cycles=100, record=()).work
+    work = simulate(osc, ("separation", -0.25, 0.0), cycles=100, record=(), method="rk4").work
     assert work["drive_flank_searches"] == work["steps"]
     assert work["coast_flank_searches"] <= work["steps"]
     # Flights are exact at any length: one step from event to event or end of a cycle.
@@ -97,7 +105,7 @@ def test_events_are_bounded_by_cycle_not_in_all():
 
 
 def test_too_many_steps():
-    run = simulate(scene_a(1.8), cycles=10, max_steps_per_cycle=50)
+    run = simulate(scene_a(1.8), cycles=10, max_steps_per_cycle=50, method="rk4")
     assert run.status == Status.TOO_MANY_STEPS
     assert 0 < run.final.tau < run.oscillator.period
     assert 50 <= run.work["steps"] <= 52

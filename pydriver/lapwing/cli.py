@@ -1,4 +1,7 @@
-"""The command `lapwing`. Exit codes: 0; 1 some run failed numerically; 2 bad input; 130 Ctrl-C."""
+"""The command `lapwing`.
+
+Exit codes: 0; 1 a run failed numerically or a figure could not be drawn; 2 bad input; 130 Ctrl-C.
+"""
 
 from __future__ import annotations
 
@@ -131,16 +134,24 @@ def plot(files: Annotated[list[Path], typer.Argument(metavar="RESULT.nc...", hel
     Example:
       lapwing plot results/lapping_25x32/result.nc --out figures
     """  # noqa: D301
+    from lapwing.plots import FigureError
     from lapwing.run import plot_file
+    from lapwing.threads import default_threads
 
     code = OK
     for file in files:
         try:
-            for path in plot_file(file, out):
+            for path in plot_file(file, out, default_threads()):
                 print(path)
+        except FigureError as error:
+            for path in error.written:
+                print(path)
+            for stem, what in error.failures.items():
+                _complain(f"{file}: figure {stem}: {what}")
+            code = _worst(code, FAILED)
         except (OSError, ValueError) as error:
             _complain(f"{file}: {error}")
-            code = BAD_INPUT
+            code = _worst(code, BAD_INPUT)
     raise typer.Exit(code)
 
 
@@ -226,9 +237,11 @@ def _run(deck, out, threads, force, progress):
         print(f"  {line}")
     for study in outcome.failed:
         _complain(f"{deck.stem}: {study}: failed numerically, see status")
+    for stem, what in outcome.undrawn.items():
+        _complain(f"{deck.stem}: figure {stem}: {what}")
     if outcome.interrupted:
         return INTERRUPTED
-    return FAILED if outcome.failed else OK
+    return FAILED if outcome.failed or outcome.undrawn else OK
 
 
 def _worst(one, other):

@@ -13,6 +13,7 @@ import numpy as np
 
 from lapwing._engine import api
 from lapwing.codes import ContactLaw, Gap, ImpactLaw, Method, Status
+from lapwing.linear_response import response_amplification
 
 CALL_SECONDS = 0.4
 LOG_ROOM = 1 << 16
@@ -23,7 +24,8 @@ LINE_DONE = 4  # sweep.f90, stage_done
     int(n) for n in api.sizes())
 
 WORK_NAMES = ("steps", "rejected_steps", "polish_steps", "drive_flank_searches",
-              "coast_flank_searches", "samples", "depth_searches", "graze_searches")
+              "coast_flank_searches", "samples", "depth_searches", "graze_searches",
+              "stretches")
 CYCLE_NAMES = ("cycle", "motion_state", "phi", "phi_dot", "impacts", "back_impacts",
                "counted_impacts", "counted_back_impacts", "releases", "back_releases", "engages",
                "back_engages", "chatter_ends", "back_chatter_ends", "deepest_separation",
@@ -36,6 +38,9 @@ NO_SAMPLE = np.array([[-1.0], [0.0]])
 # ... and this one for a transmission error that is no harmonic series.
 NO_SERIES = np.array([[-1.0], [0.0], [0.0]])
 METHODS = ("auto", "exact", "rk4")
+# Three of sixteen digits may be lost between response and free oscillation.
+MOST_AMPLIFIED = 1e3
+EXACT_CHATTER_TOL = 1e-13
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +54,8 @@ class Numerics:
     rtol : float, 1e-13 to 1e-2
         local error per step over the natural size of angles and velocities (docs/model.md)
     chatter_tol : float or None
-        error of the end of a complete chatter, in mesh periods; default min(rtol, 1e-10)
+        error of the end of a complete chatter, in mesh periods; default 1e-13, with rk4
+        min(rtol, 1e-10)
     count_depth : float, 0 to 1
         a counted impact ends a flight deeper than this part of its cycle's deepest separation
     max_events_per_cycle, max_steps_per_cycle : int
@@ -91,40 +97,68 @@ class Wanted:
     graze_distance: float = 0.0
 
 
-def _table_arguments(oscillators):
-    """Knots, coefficients and kinks shared by all oscillators.
+def _table_arguments(oscillators, method="rk4"):
+    """Knots, coefficients, kinks and series shared by all oscillators.
 
     Only differences of g matter unless the coast flank stands still; the table is then shifted
     to the middle of its range, so that a large constant costs no digits.
     """
     te = oscillators[0].te
+    if method == "exact" and len(te.harmonics):  # the closed form takes the series itself
+        return (np.array([0.0, 1.0]), np.zeros((6, 1), order="F"), np.zeros(1, dtype=np.intc),
+                np.asfortranarray(te.harmonics.T))
     coefficients = np.asfortranarray(te.coefficients.T.copy())
     if oscillators[0].back_flank_te:
         coefficients[0] -= 0.5 * sum(te.extrema)
-    series = np.asfortranarray(te.harmonics.T) if len(te.harmonics) else NO_SERIES
-    return te.knots, coefficients, te.kinks.astype(np.intc), series
+    return te.knots, coefficients, te.kinks.astype(np.intc), NO_SERIES
 
 
 def method_of(osc, numerics):
-    """'exact' or 'rk4': how an oscillator is moved under `numerics`."""
-    return "rk4" if numerics.method == "auto" else numerics.method
+    """'exact' or 'rk4': how an oscillator is moved under `numerics`.
+
+    The closed form of contact is a periodic response plus a free oscillation. Near an undamped
+    resonance both grow without bound and leave no digits in their sum; RK4 has no such trouble.
+
+    Raises
+    ------
+    ValueError
+        where 'exact' is asked for and the response is more than `MOST_AMPLIFIED` times its cause.
+    """
+    if numerics.method == "rk4":
+        return "rk4"
+    amplified = response_amplification(osc)
+    if amplified <= MOST_AMPLIFIED:
+        return "exact"
+    if numerics.method == "auto":
+        return "rk4"
+    raise ValueError(f"method = 'exact': so near to an undamped resonance (amplification "
+                     f"{amplified:.3g}) the closed form loses its digits; take 'rk4'")
 
 
-def _real_parameters(osc, numerics, wanted):
+def common_method(oscillators, numerics):
+    """`method_of` many oscillators moved together: 'rk4' where one of them needs it."""
+    # Most are the same but for their force, which does not matter here.
+    distinct = {(id(osc.te), osc.mesh_frequency_ratio, osc.damping_ratio): osc
+                for osc in oscillators}
+    methods = {method_of(osc, numerics) for osc in distinct.values()}
+    return "rk4" if "rk4" in methods else "exact"
+
+
+def _real_parameters(osc, numerics, method, wanted):
     chatter_tol = numerics.chatter_tol
     if chatter_tol is None:
-        chatter_tol = min(numerics.rtol, 1e-10)
+        chatter_tol = EXACT_CHATTER_TOL if method == "exact" else min(numerics.rtol, 1e-10)
     low, high = osc.flank_extrema
     return [osc.force, osc.mesh_frequency_ratio, osc.flank_scale, high - low, osc.damping_ratio,
             osc.restitution, osc.backlash, numerics.rtol, chatter_tol, numerics.count_depth,
             wanted.graze_distance]
 
 
-def _choices(osc, numerics, wanted, settle=0, record=0):
+def _choices(osc, numerics, method, wanted, settle=0, record=0):
     codes = (ContactLaw[osc.contact_law.upper()], ImpactLaw[osc.impact_law.upper()],
              Gap[osc.gap.upper()], osc.back_flank_te, numerics.max_events_per_cycle,
              numerics.max_steps_per_cycle, wanted.events, wanted.impacts, wanted.grazes,
-             wanted.strobe, wanted.cycles, settle, record, Method[method_of(osc, numerics).upper()])
+             wanted.strobe, wanted.cycles, settle, record, Method[method.upper()])
     return np.array([int(code) for code in codes], dtype=np.intc)
 
 
@@ -153,9 +187,10 @@ class TrajectoryCall:
     """
 
     def __init__(self, osc, start, blob=None, cycle=0, *, numerics, wanted):
-        self._fixed = (*_table_arguments([osc]),
-                       np.array(_real_parameters(osc, numerics, wanted)),
-                       _choices(osc, numerics, wanted))
+        method = method_of(osc, numerics)
+        self._fixed = (*_table_arguments([osc], method),
+                       np.array(_real_parameters(osc, numerics, method, wanted)),
+                       _choices(osc, numerics, method, wanted))
         self._start = np.array(start, dtype=float)
         self.blob = np.zeros(BLOB_SIZE) if blob is None else blob.copy()
         self._wanted = wanted
@@ -241,8 +276,10 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
     SweepResult
     """
     n = len(oscillators)
+    method = common_method(oscillators, numerics)
+    table_arguments = _table_arguments(oscillators, method)
     reals = np.asfortranarray(
-        np.array([_real_parameters(osc, numerics, wanted) for osc in oscillators]).T)
+        np.array([_real_parameters(osc, numerics, method, wanted) for osc in oscillators]).T)
     table = np.array([[first + 1, last + 1, carried, first + 1, 0]
                       for first, last, carried in lines], dtype=np.intc)
     table = np.asfortranarray(table.T)
@@ -253,11 +290,11 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
     log = np.full((LOG_COLUMNS, log_room if wanted.impacts else 1, n), np.nan, order="F")
     outcome = np.full((5 + WORK_SIZE, n), np.nan, order="F")
     outcome[0] = Status.UNFINISHED
-    choices = _choices(oscillators[0], numerics, wanted, settle, record)
+    choices = _choices(oscillators[0], numerics, method, wanted, settle, record)
     interrupted = False
     try:
         while np.any(table[4] < LINE_DONE):
-            api.sweep(*_table_arguments(oscillators), reals, choices, table, starts,
+            api.sweep(*table_arguments, reals, choices, table, starts,
                       CALL_SECONDS, threads, blobs, cycles, log, outcome)
             if progress is not None:
                 progress(float(np.mean(outcome[0] != Status.UNFINISHED)))

@@ -213,3 +213,31 @@ def _refuse_resonance(damping_ratio, period):
     if damping_ratio <= _RESONANCE and round(turns) and distance <= _RESONANCE:
         raise ValueError(f"no periodic engaged response: undamped resonance, the mesh period is "
                          f"{round(turns)} natural period(s)")
+
+
+def response_amplification(osc):
+    """How many times its cause the engaged response to the transmission error can be.
+
+    Of a harmonic of rate r: r²/|1 - r² + 2iξr|, the largest of them; of a table: 1/|1 - exp(λP)|,
+    λ the free exponent nearest to a resonance; 0 without transmission error.
+
+    Parameters
+    ----------
+    osc : Oscillator
+
+    Returns
+    -------
+    float; infinite at an undamped resonance
+    """
+    if osc.te.peak_to_peak == 0:
+        return 0.0
+    xi = osc.damping_ratio
+    if len(osc.te.harmonics):
+        order, amplitude, _ = osc.te.harmonics.T
+        rate = osc.mesh_frequency_ratio * order[(order > 0) & (amplitude != 0)]
+        denominator, numerator = np.abs(1 - rate**2 + 2j * xi * rate), rate**2
+    else:
+        exponent = -xi + np.array([1, -1]) * np.sqrt(complex(xi**2 - 1))
+        denominator, numerator = np.abs(1 - np.exp(exponent * osc.period)), np.ones(2)
+    with np.errstate(divide="ignore"):
+        return float(np.max(numerator / denominator))

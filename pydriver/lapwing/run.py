@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import ctypes
+import threading
+from dataclasses import dataclass, field
 from pathlib import Path
+from queue import Empty, SimpleQueue
 
 from lapwing import __version__
 from lapwing.codes import Status
@@ -29,6 +32,7 @@ class Outcome:
     reused : bool, whether results of the same values were there already
     interrupted : bool, whether the user stopped it; what was finished is kept
     failed : tuple of str, studies in which some run failed numerically
+    undrawn : dict of name -> str, figures that could not be drawn, and why
     headlines : tuple of str, the main result of each study
     """
 
@@ -36,6 +40,7 @@ class Outcome:
     reused: bool = False
     interrupted: bool = False
     failed: tuple = ()
+    undrawn: dict = field(default_factory=dict)
     headlines: tuple = ()
 
 
@@ -43,15 +48,15 @@ def run_deck(deck, parent, *, threads, force=False, progress=None):
     """Run a deck into `parent`/<deck>.
 
     1. Results of the same values are used again; others are refused unless `force`.
-    2. Responses, then sweeps; an interruption keeps the studies that are finished, and the
-       points of a sweep that are.
-    3. Result file, figures and summary, then `used.nml`, whose presence says that all is there.
+    2. Responses, side by side, then sweeps; an interruption keeps the studies that are finished,
+       and the points of a sweep that are.
+    3. Result file, summary and figures, then `used.nml`, whose presence says that all is there.
 
     Parameters
     ----------
     deck : lapwing.deck.Deck
     parent : Path, created where missing
-    threads : int
+    threads : int; threads that compute, and processes that draw; no result depends on it
     force : bool, whether other results are replaced
     progress : object with `study(label, total, unit)` giving a callable(fraction), or None
 
@@ -64,18 +69,21 @@ def run_deck(deck, parent, *, threads, force=False, progress=None):
     FolderError
         where results of other values lie there and `force` is not given.
     """
+    from lapwing.plots.crew import Crew
+
     folder = Path(parent) / deck.stem
     if _reusable(deck, folder, force):
         return Outcome(folder, reused=True)
     _clear(folder)
     report = progress.study if progress else (lambda *_: (lambda _: None))
-    responses, sweeps, interrupted = _studies(deck, threads, report)
-    _write(deck, folder, responses, sweeps)
-    _draw(folder, report)
-    if not interrupted:
+    with Crew(threads) as crew:
+        responses, sweeps, interrupted = _studies(deck, threads, report)
+        _write(deck, folder, responses, sweeps)
+        undrawn = _present(folder, crew, report)
+    if not interrupted and not undrawn:
         (folder / USED_DECK).write_text(used_text(deck, folder), encoding="utf-8")
     return Outcome(folder, interrupted=interrupted, failed=_failed(responses, sweeps),
-                   headlines=_headlines(responses, sweeps))
+                   undrawn=undrawn, headlines=_headlines(responses, sweeps))
 
 
 def _reusable(deck, folder, force):
@@ -112,10 +120,10 @@ def _studies(deck, threads, report):
     """Responses and sweeps, as far as the user lets them."""
     responses, sweeps = [], {}
     try:
-        for order, response in enumerate(deck.responses):
-            done = report(f"response {response.name}", 1, "response")
-            responses.append(_response(deck, response, order))
-            done(1.0)
+        if deck.responses:
+            done = report("responses", len(deck.responses), "responses")
+            if not _responses(deck, threads, responses, done):
+                return responses, sweeps, True
         for sweep in deck.sweeps:
             points = len(sweep.values) * len(sweep.starts)
             done = report(f"sweep {sweep.name}", points, "points")
@@ -125,6 +133,91 @@ def _studies(deck, threads, report):
     except KeyboardInterrupt:
         return responses, sweeps, True
     return responses, sweeps, False
+
+
+def _responses(deck, threads, responses, done):
+    """Add the responses of a deck, in its order; returns whether all are there."""
+    import lapwing.studies.response  # noqa: F401 - by one thread, before there are several
+
+    studies = list(enumerate(deck.responses))
+    found, complete = side_by_side(lambda one: _response(deck, one[1], one[0]), studies,
+                                   threads, done)
+    responses += [found[order] for order in sorted(found)]
+    return complete
+
+
+def side_by_side(function, items, threads, done):
+    """Call a function of each item, several at a time.
+
+    The engine works without Python's lock and keeps nothing between calls, so that threads do.
+
+    Parameters
+    ----------
+    function : callable(item)
+    items : sequence
+    threads : int
+    done : callable(fraction done)
+
+    Returns
+    -------
+    results : dict of place in `items` -> what the function returned
+    complete : bool, False after Ctrl-C, which keeps what is finished
+
+    Raises
+    ------
+    Exception
+        the first that a call raised; the others are given up.
+    """
+    waiting, results, errors = SimpleQueue(), {}, []
+    stop, lock = threading.Event(), threading.Lock()
+    for place in range(len(items)):
+        waiting.put(place)
+
+    def work():
+        while not stop.is_set():
+            try:
+                place = waiting.get_nowait()
+            except Empty:
+                return
+            result = function(items[place])
+            with lock:
+                results[place] = result
+                done(len(results) / len(items))
+
+    def help_out():
+        try:
+            work()
+        except KeyboardInterrupt:
+            pass  # handed on
+        except Exception as error:
+            errors.append(error)
+            stop.set()
+
+    helpers = [threading.Thread(target=help_out) for _ in range(min(threads, len(items)) - 1)]
+    try:
+        for helper in helpers:
+            helper.start()
+        work()
+        for helper in helpers:
+            helper.join()
+    except BaseException as error:
+        stop.set()
+        for helper in helpers:
+            _interrupt(helper)
+        if not isinstance(error, KeyboardInterrupt):
+            raise
+        return results, False
+    if errors:
+        raise errors[0]
+    return results, True
+
+
+def _interrupt(thread):
+    """Hand Ctrl-C, which only the main thread hears, on to another, and wait for its end."""
+    if thread.is_alive():
+        ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident),
+                                                   ctypes.py_object(KeyboardInterrupt))
+        thread.join()
 
 
 def _response(deck, study, order):
@@ -145,11 +238,15 @@ def _sweep(deck, study, threads, done):
     from lapwing.studies.sweep import sweep
 
     observe = ("cycles", "impacts") if study.impacts else ("cycles",)
-    return sweep(
+    result = sweep(
         deck.gear_pair, deck.te, parameter=study.parameter, values=study.values,
         starts=study.starts, settle=study.settle_cycles, record=study.record_cycles,
         observe=observe, phase=deck.numerics["start_phase"], threads=threads, progress=done,
         keep_interrupted=True, **deck.numerics_of(study), **study.operation)
+    if not study.impacts:
+        return result
+    # Most of the room for impacts is empty, and is slow to be compressed.
+    return result.isel(impact=slice(0, max(1, int(result["n_impacts"].max()))))
 
 
 def _write(deck, folder, responses, sweeps):
@@ -180,17 +277,20 @@ def _reference_oscillator(deck):
     return deck.gear_pair.oscillator(deck.te, **operation)
 
 
-def _draw(folder, report):
-    """Figures and summary from the file alone."""
-    from lapwing.plots import draw_all
+def _present(folder, crew, report):
+    """Summary and figures from the file alone; returns figures not drawn, and why."""
+    from lapwing.plots import FigureError, draw_all
     from lapwing.results import read_results
     from lapwing.summary import summary_text
 
     done = report("figures", 100, "%")
     with read_results(folder / RESULT_FILE) as results:
-        draw_all(results, folder, progress=done)
-        summary = summary_text(results)
-    (folder / SUMMARY).write_text(summary, encoding="utf-8")
+        (folder / SUMMARY).write_text(summary_text(results), encoding="utf-8")
+        try:
+            draw_all(results, folder, progress=done, crew=crew)
+        except FigureError as error:
+            return error.failures
+    return {}
 
 
 def _failed(responses, sweeps):
@@ -223,20 +323,30 @@ def _read(path):
     return path.read_text(encoding="utf-8") if path.exists() else ""
 
 
-def plot_file(path, folder=None):
+def plot_file(path, folder=None, threads=1):
     """Draw every figure of a result file, into its own folder unless another is named.
+
+    Parameters
+    ----------
+    path : str or Path
+    folder : str or Path, or None
+    threads : int, processes that draw
 
     Returns
     -------
     list of Path
+
+    Raises
+    ------
+    lapwing.plots.FigureError
+        where some figures could not be drawn; the others are there.
     """
     from lapwing.plots import draw_all
+    from lapwing.plots.crew import Crew
     from lapwing.results import read_results
 
     path = Path(path)
     folder = Path(folder) if folder else path.parent
     folder.mkdir(parents=True, exist_ok=True)
-    with read_results(path) as results:
-        return draw_all(results, folder)
-
-
+    with read_results(path) as results, Crew(threads) as crew:
+        return draw_all(results, folder, crew=crew)

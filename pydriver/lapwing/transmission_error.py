@@ -112,6 +112,12 @@ class TransmissionError:
         ValueError
             Negative order, unknown side, phase not finite.
         """
+        if len(self.harmonics):
+            return harmonic_derivative(self.harmonics, order, np.mod(phase, 1.0))
+        return self.table_derivative(order, phase, side)
+
+    def table_derivative(self, order, phase, side="right"):
+        """As `derivative`, from the table also where there is a harmonic series behind it."""
         piece, offset = self._locate(phase, side)
         local = power.polyder(self.coefficients[piece], order, axis=-1)
         return power.polyval(offset, np.moveaxis(local, -1, 0), tensor=False)

@@ -44,13 +44,13 @@ def make_sweeps():
         "plain": sweep(PAIR, SHIPPED, values=[5.0, 14.0], starts=("rest",), **options)}
 
 
-def make_results(folder):
-    """Write a result file with everything in it; returns it open."""
-    responses = [response(osc, PAIR, name=name, **(SHORT | options))
-                 for name, (osc, options) in RESPONSES.items()]
+def make_results(folder, responses=tuple(RESPONSES), sweeps=None):
+    """Write a result file with everything in it, or what is given; returns it open."""
+    found = [response(osc, PAIR, name=name, **(SHORT | options))
+             for name, (osc, options) in RESPONSES.items() if name in responses]
     write_results(folder / "result.nc", deck_name="test", deck_text="", used_text="",
-                  used_hash="0", pair=PAIR, te=SHIPPED, osc=scene_a(1.0), responses=responses,
-                  sweeps=make_sweeps())
+                  used_hash="0", pair=PAIR, te=SHIPPED, osc=scene_a(1.0), responses=found,
+                  sweeps=make_sweeps() if sweeps is None else sweeps)
     return read_results(folder / "result.nc")
 
 

@@ -11,7 +11,7 @@ import pytest
 from plot_data import CURVES, RESPONSES, make_curve, make_results
 
 from lapwing import Status, plots
-from lapwing.plots import style
+from lapwing.plots import orbit_diagram, style, sweep_parts, typeface
 from lapwing.plots.deepest_separation import _crossings, _free_place
 from lapwing.plots.trajectory import path
 
@@ -203,6 +203,67 @@ def test_all_figures_are_written_the_same_twice(results, tmp_path, monkeypatch):
     assert len(first) == 2 * (len(plots.RESPONSE_FIGURES) + 1)
     for one in second:
         assert one.read_bytes() == (tmp_path / "a" / one.name).read_bytes()
+
+
+def test_powers_of_ten_are_plain_text():
+    """The labels of matplotlib's own formatter, in raised figures instead of TeX."""
+    figure = style.new_figure(4, 3)
+    axis = figure.subplots()
+    axis.plot([1e-12, 1], [-2000, 0.003])
+    axis.set_xscale("log")
+    style.plain_powers(axis.xaxis)
+    axis.set_yscale("symlog", linthresh=1e-2)
+    style.plain_powers(axis.yaxis)
+    figure.draw_without_rendering()
+    assert axis.xaxis.get_major_formatter()(1e-12) == "10⁻¹²"
+    assert axis.yaxis.get_major_formatter()(-1000.0) == "−10³"
+    assert axis.yaxis.get_major_formatter()(0) == "0"
+    axis.set_xlim(1, 4)
+    figure.draw_without_rendering()
+    assert "3×10⁰" in [label.get_text() for label in axis.get_xticklabels(minor=True)]
+
+
+def test_the_typeface_keeps_the_shapes_and_widths_of_the_whole_font():
+    """Glyph by glyph; and it has every letter the labels of the figures use."""
+    from matplotlib import font_manager
+    from matplotlib.ft2font import FT2Font, LoadFlags
+
+    small = FT2Font(str(typeface._file()))
+    whole = FT2Font(str(font_manager.findfont("DejaVu Sans")))
+    codes = set(small.get_charmap())
+    assert {ord(letter) for letter in "azAZ09φθΔ'|µ·²⁻⁹→←−≥≈▾○●◆…°×ä"} <= codes
+    for font in (small, whole):
+        font.set_size(10, 170)
+    for code in sorted(codes):
+        outlines = []
+        for font in (small, whole):
+            glyph = font.load_char(code, flags=LoadFlags.NO_HINTING)
+            outlines.append((glyph.linearHoriAdvance, font.get_path()[0].tolist()))
+        assert outlines[0] == outlines[1], chr(code)
+
+
+def test_words_outside_of_the_typeface_come_from_the_whole_font(tmp_path):
+    figure = style.new_figure(2, 1)
+    with style.house_style(), warnings.catch_warnings():
+        warnings.simplefilter("error")  # a missing glyph warns
+        figure.subplots().set_title("Ж")
+        style.save(figure, tmp_path / "a.png", tmp_path / "a.pdf")
+
+
+def test_the_dots_of_a_periodic_motion_are_not_drawn_more_than_shows(results, monkeypatch):
+    """Each place of a branch is there, none more than OPAQUE times."""
+    monkeypatch.setattr(orbit_diagram, "OPAQUE", 3)
+    sweep = results.sweep("torque")
+    axis = draw("orbit_diagram", sweep, results.gear_pair).axes[0]
+    dots = [line.get_xydata() for line in axis.lines if line.get_marker() == "o"]
+    for (branch, _), drawn in zip(sweep_parts.branches(sweep), dots, strict=True):
+        phi = style.URAD * branch["phi"].values
+        assert len(drawn) < phi.size
+        step = np.ptp(phi) / orbit_diagram.PLACES
+        for value, row in zip(branch["brake_torque"].values, phi, strict=True):
+            places = drawn[drawn[:, 0] == value, 1]
+            assert np.max(np.min(np.abs(row[:, None] - places), axis=1)) <= step
+            assert np.max(np.unique(places, return_counts=True)[1]) <= orbit_diagram.OPAQUE
 
 
 def test_the_readers_own_settings_change_nothing(results):

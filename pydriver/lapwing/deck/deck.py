@@ -112,7 +112,8 @@ class Deck:
 
     def numerics_of(self, study):
         """Keyword arguments rtol … max_steps_per_cycle that `simulate` and `sweep` share."""
-        names = ("method", "chatter_tol", "count_depth", "max_events_per_cycle", "max_steps_per_cycle")
+        names = ("method", "chatter_tol", "count_depth", "max_events_per_cycle",
+                 "max_steps_per_cycle")
         return {"rtol": study.rtol, **{name: self.numerics[name] for name in names}}
 
     def oscillator(self, response):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib import import_module
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +15,52 @@ RESPONSE_FIGURES = ("history", "phase_portrait", "impact_section", "spectrum")
 TE_FIGURE = "te_curve"
 
 
-def draw_all(results, folder, *, formats=FORMATS, progress=None):
+class FigureError(Exception):
+    """Some figures could not be drawn; all others are.
+
+    Attributes
+    ----------
+    written : list of Path
+    failures : dict of file stem -> str, what went wrong
+    """
+
+    def __init__(self, written, failures):
+        super().__init__("; ".join(f"figure {stem}: {what}" for stem, what in failures.items()))
+        self.written, self.failures = written, failures
+
+
+class Task(NamedTuple):
+    """One figure.
+
+    Attributes
+    ----------
+    stem : str, of its files
+    module : str, of this package, with the `draw` that makes it
+    kind : str, attribute of the results that holds its data
+    name : str or None, of the response or sweep
+    """
+
+    stem: str
+    module: str
+    kind: str
+    name: str | None = None
+
+
+def tasks_of(results):
+    """Every figure of a result file, in reading order.
+
+    Returns
+    -------
+    list of Task
+    """
+    return [*(Task(f"{module}_{name}", module, "sweep", name)
+              for name in results.sweeps for module in SWEEP_FIGURES),
+            *(Task(f"{module}_{name}", module, "response", name)
+              for name in results.responses for module in RESPONSE_FIGURES),
+            Task(TE_FIGURE, TE_FIGURE, "transmission_error")]
+
+
+def draw_all(results, folder, *, formats=FORMATS, progress=None, crew=None):
     """Draw every figure of a result file.
 
     Parameters
@@ -24,45 +70,58 @@ def draw_all(results, folder, *, formats=FORMATS, progress=None):
     folder : str or Path, made if it is missing
     formats : of 'png' and 'pdf'
     progress : callable(fraction done) or None
+    crew : lapwing.plots.crew.Crew or None, processes to share the work, which read the file
+        `results.path` themselves; the figures are the same, bit by bit
 
     Returns
     -------
     list of Path
         What was written: `te_curve`, `<figure>_<sweep>`, `<figure>_<response>`, in each format.
-    """
-    from lapwing.plots.style import save
 
+    Raises
+    ------
+    FigureError
+        where some figures could not be drawn; the others are there.
+    """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    written = []
-    tasks = list(_tasks(results))
-    for done, (stem, module, load, options) in enumerate(tasks):
-        draw = import_module(f"lapwing.plots.{module}").draw
-        figure = draw(load(), results.gear_pair, **options)
-        for suffix in formats:
-            written.append(folder / f"{stem}.{suffix}")
-            save(figure, written[-1])
+    tasks = tasks_of(results)
+    outcomes = {}
+    for task, problem in (crew.draw(results.path, tasks, folder, formats) if crew else
+                          ((task, attempt(results, task, folder, formats)) for task in tasks)):
+        outcomes[task] = problem
         if progress is not None:
-            progress((done + 1) / len(tasks))
+            progress(len(outcomes) / len(tasks))
+    written = [folder / f"{task.stem}.{suffix}" for task in tasks if outcomes[task] is None
+               for suffix in formats]
+    failures = {task.stem: outcomes[task] for task in tasks if outcomes[task] is not None}
+    if failures:
+        raise FigureError(written, failures)
     return written
 
 
-def _tasks(results):
-    """(file stem, module, loader of the dataset, options) of every figure, in reading order."""
+def attempt(results, task, folder, formats):
+    """Draw one figure into its files; returns what went wrong, or None."""
+    from lapwing.plots.style import save
+
+    try:
+        data = getattr(results, task.kind)
+        figure = import_module(f"lapwing.plots.{task.module}").draw(
+            data if task.name is None else data(task.name), results.gear_pair,
+            **_options(results, task))
+        save(figure, *(folder / f"{task.stem}.{suffix}" for suffix in formats))
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+    return None
+
+
+def _options(results, task):
+    """What `draw` of a figure of a sweep is told besides its data."""
+    if task.kind != "sweep":
+        return {}
     deck = str(results.attrs.get("deck_name", ""))
-    for name in results.sweeps:
-        for module in SWEEP_FIGURES:
-            yield (f"{module}_{name}", module, lambda name=name: results.sweep(name),
-                   {"title": _sweep_title(deck, name, module), "claims": _claims(results, name)})
-    for name in results.responses:
-        for module in RESPONSE_FIGURES:
-            yield f"{module}_{name}", module, lambda name=name: results.response(name), {}
-    yield TE_FIGURE, TE_FIGURE, lambda: results.transmission_error, {}
-
-
-def _sweep_title(deck, name, module):
-    return f"{deck}, sweep '{name}': {module.replace('_', ' ')}"
-
+    return {"title": f"{deck}, sweep '{task.name}': {task.module.replace('_', ' ')}",
+            "claims": _claims(results, task.name)}
 
 def _claims(results, name):
     """What the source reports, from the responses: they know of impacts as well."""

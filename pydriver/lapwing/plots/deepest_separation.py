@@ -6,6 +6,9 @@ import numpy as np
 
 from lapwing.plots import style, sweep_parts
 
+# Places for a claim's words that are tried at once.
+BLOCK = 32
+
 
 @style.house_style()
 def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None):
@@ -96,29 +99,31 @@ def _claim_texts(axis, claims, curves):
 
 def _free_place(segments, marker, width, height=0.05):
     """Middle of a box (parts of the panel) that crosses least, then lies nearest; its diagonals."""
-    best = None
-    for x in np.arange(0.5 * width + 0.01, 1 - 0.5 * width, 0.02):
-        for y in np.arange(0.05, 0.78, 0.03):
-            left, right = x - 0.5 * width, x + 0.5 * width
-            low, high = y - 0.5 * height, y + 0.5 * height
-            box = np.array([(left, low, right, high), (left, high, right, low)])
-            # The leader starts clear of its own marker.
-            start = marker + 0.15 * (np.array((x, y)) - marker)
-            distance = np.hypot(x - marker[0], 0.6 * (y - marker[1]))
-            if distance < 0.5 * width:
-                continue
-            crossed = sum(_crossings(segments, line)
-                          for line in (*box, np.array((*start, x, y))))
-            if best is None or (crossed, distance) < best[0]:
-                best = (crossed, distance), (x, y), box
-    return best[1:]
+    x, y = np.meshgrid(np.arange(0.5 * width + 0.01, 1 - 0.5 * width, 0.02),
+                       np.arange(0.05, 0.78, 0.03), indexing="ij")
+    distance = np.hypot(x - marker[0], 0.6 * (y - marker[1]))
+    clear = distance >= 0.5 * width
+    nearest = np.argsort(distance[clear], kind="stable")
+    x, y = x[clear][nearest], y[clear][nearest]
+    left, right, low, high = x - 0.5 * width, x + 0.5 * width, y - 0.5 * height, y + 0.5 * height
+    # The leader starts clear of its own marker.
+    leader = (*(marker[i] + 0.15 * (at - marker[i]) for i, at in enumerate((x, y))), x, y)
+    lines = np.array([(left, low, right, high), (left, high, right, low), leader])
+    crossed = []
+    for begin in range(0, x.size, BLOCK):
+        crossed.extend(sum(_crossings(segments, line[:, begin:begin + BLOCK]) for line in lines))
+        if min(crossed) == 0:
+            break
+    best = int(np.argmin(crossed))
+    return (x[best], y[best]), lines[:2, :, best]
 
 
-def _crossings(segments, line):
-    """How many segments (rows x, y, x, y) a line crosses."""
+def _crossings(segments, lines):
+    """How many segments (rows x, y, x, y) each line (columns x, y, x, y) crosses."""
     def side(a, b, c):
         return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
-    one, two, start, end = segments[:, :2].T, segments[:, 2:].T, line[:2], line[2:]
-    return int(np.sum((side(start, end, one) * side(start, end, two) < 0)
-                      & (side(one, two, start) * side(one, two, end) < 0)))
+    one, two = segments[:, :2].T[..., None], segments[:, 2:].T[..., None]
+    start, end = lines[:2, None], lines[2:, None]
+    return np.sum((side(start, end, one) * side(start, end, two) < 0)
+                  & (side(one, two, start) * side(one, two, end) < 0), axis=0)

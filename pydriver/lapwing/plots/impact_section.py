@@ -61,12 +61,13 @@ def _points(axis, phase, speed, look):
     axis.plot(phase, speed, linestyle="", marker=look["marker"], markersize=size,
               markeredgewidth=0.5 if places <= 100 else 0, markeredgecolor="white",
               color=look["color"], alpha=0.95 if places <= 100 else 0.6,
-              label=look["label"], rasterized=True)
+              label=look["label"], rasterized=phase.size > style.MANY)
 
 
 def _speed_limits(axis, speed):
     positive = speed[speed > 0]
     if positive.size and positive.max() > LOGARITHMIC * positive.min():
         axis.set_yscale("log")
+        style.plain_powers(axis.yaxis)
     else:
         axis.set_ylim(0, 1.08 * speed.max())

@@ -10,6 +10,9 @@ from lapwing.plots.style import save
 
 # Periods above this share a row of the strip.
 HIGHEST_PERIOD = 8
+# Places told apart over the height of a panel, several to a pixel; and the number of points on
+# one after which further ones change little, even at the edge of a small dot.
+PLACES, OPAQUE = 4096, 20
 
 
 @style.house_style()
@@ -58,19 +61,31 @@ orbit_diagram = draw
 
 
 def _dots(axis, x, y, look):
-    """Many points of a branch."""
-    axis.plot(x, y, linestyle="", marker="o", markersize=look["size"], markeredgewidth=0,
-              alpha=look["alpha"], color=look["color"], rasterized=True)
+    """All points of a branch (n values; n, m points of each); the scale must be final.
+
+    A periodic motion comes to the same places in every cycle; no more is drawn than can be seen.
+    """
+    x = np.broadcast_to(x[:, None], y.shape)[np.isfinite(y)]
+    y = y[np.isfinite(y)]
+    if y.size == 0:
+        return
+    height = axis.yaxis.get_transform().transform(y)
+    row = np.round((height - height.min()) * (PLACES / (np.ptp(height) or 1))).astype(np.int64)
+    column = np.unique(x, return_inverse=True)[1]
+    _, first, count = np.unique(column * (PLACES + 1) + row, return_index=True,
+                                return_counts=True)
+    points = np.repeat(first, np.minimum(count, OPAQUE))
+    axis.plot(x[points], y[points], linestyle="", marker="o", markersize=look["size"],
+              markeredgewidth=0, alpha=look["alpha"], color=look["color"], rasterized=True)
 
 
 def _section(axis, sweep, gear_pair, claims):
     """Strobed displacement, µrad.  Every panel returns its heading."""
+    small = style.widen_small_values(axis, style.URAD * sweep["phi"].values)
     for branch, look in sweep_parts.branches(sweep):
         x = branch[sweep_parts.parameter_of(sweep)].values
-        phi = branch["phi"].values
-        _dots(axis, np.repeat(x, phi.shape[1]), style.URAD * phi.ravel(), look)
+        _dots(axis, x, style.URAD * branch["phi"].values, look)
     axis.axhline(0, color="0.5", linewidth=0.8)
-    small = style.widen_small_values(axis, style.URAD * sweep["phi"].values)
     axis.set_ylim(axis.get_ylim())
     axis.set_ylabel(f"φ at phase {float(sweep.attrs.get('phase', 0)):g} (µrad)\n"
                     "← separated   engaged →")
@@ -84,9 +99,7 @@ def _impact_speeds(axis, sweep, gear_pair, claims):
     factor, unit, millimetres = style.speed_unit(gear_pair)
     for branch, look in sweep_parts.branches(sweep):
         x = branch[sweep_parts.parameter_of(sweep)].values
-        speed = np.abs(branch["impact_velocity"].values)
-        seen = np.isfinite(speed)
-        _dots(axis, np.repeat(x, speed.shape[1])[seen.ravel()], factor * speed[seen], look)
+        _dots(axis, x, factor * np.abs(branch["impact_velocity"].values), look)
     axis.set_ylabel(f"approach speed |φ'|\n({unit})")
     axis.set_ylim(bottom=0)
     style.speed_scale(axis, millimetres)

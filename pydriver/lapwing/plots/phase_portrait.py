@@ -78,18 +78,19 @@ def _draw(axis, track, response, factor, limits):
     """One panel: flanks, jumps, path, section."""
     _flanks(axis, response, limits)
     light = 0.55 if cycles_many(track) else 0.9
+    many = track.phi.size > style.MANY
     for kinds, color, dash, label in (
             (IMPACTS, style.BLACK, (0, (4, 3)), "impact"),
             ((EventKind.KINK,), style.GREEN, (0, (1, 2)), "kink of the flank")):
         x, y = track.jumps(kinds, track.phi, track.phi_dot)
         if x.size:
             axis.plot(style.URAD * x, factor * y, color=color, linewidth=0.9, zorder=3,
-                      linestyle=dash, label=label, rasterized=True)
+                      linestyle=dash, label=label, rasterized=many)
     for state, look in style.STATE_STYLES.items():
         x, y = track.stretches(state, track.phi, track.phi_dot)
         if x.size:
             thin = {"linewidth": 0.45 * look["linewidth"]} if cycles_many(track) else {}
-            axis.plot(style.URAD * x, factor * y, **(look | thin), alpha=light, rasterized=True)
+            axis.plot(style.URAD * x, factor * y, **(look | thin), alpha=light, rasterized=many)
     _section(axis, response, track, factor)
     axis.set_xlim(limits)
 
@@ -116,7 +117,7 @@ def _section(axis, response, track, factor):
     size = 2.5 if cycles_many(track) else 5.5
     axis.plot(style.URAD * phi, factor * phi_dot, linestyle="", marker="o", markersize=size,
               markerfacecolor="white" if size > 3 else style.BLACK, markeredgewidth=1.1,
-              markeredgecolor=style.BLACK, zorder=5, rasterized=True,
+              markeredgecolor=style.BLACK, zorder=5, rasterized=phi.size > style.MANY,
               label="stroboscopic section (phase 0)")
 
 

@@ -109,8 +109,9 @@ def _panel(axis, response, quantity, highest):
         style.note(axis, "zero or constant in the recorded cycles")
         return
     axis.set_yscale("log")
+    style.plain_powers(axis.yaxis)
     axis.fill_between(orders[shown], top * 10.0**-(DECADES + 1), amplitudes[shown], color=colour,
-                      linewidth=0, alpha=0.25, rasterized=True)
+                      linewidth=0, alpha=0.25, rasterized=orders.size > style.MANY)
     axis.plot(orders[shown], amplitudes[shown], color=colour, linewidth=0.9)
     axis.set_ylim(top * 10.0**-DECADES, 4 * top)
     axis.minorticks_off()

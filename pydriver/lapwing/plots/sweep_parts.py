@@ -121,6 +121,7 @@ def finish(figure, axes, sweep, title):
     if values[-1] > values[0]:
         if values[0] > 0 and np.ptp(np.diff(np.log(values))) < 1e-6 and values[-1] > 3 * values[0]:
             axes[-1].set_xscale("log")
+            style.plain_powers(axes[-1].xaxis)
             wider = (values[-1] / values[0]) ** MARGIN
             axes[-1].set_xlim(values[0] / wider, values[-1] * wider)
         else:

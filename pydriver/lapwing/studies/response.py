@@ -33,10 +33,10 @@ TIGHTEST_RTOL = 1e-13
 
 
 def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, record_cycles=100,
-             samples_per_cycle=400, method="auto", rtol=1e-8, max_period=MAX_PERIOD, count_depth=0.01,
-             chatter_tol=None, max_events_per_cycle=1_000_000, max_steps_per_cycle=10_000_000,
-             order=0, brake_torque=None, claim_impacts_per_cycle=None,
-             claim_deepest_separation=None, claim_text=None):
+             samples_per_cycle=400, method="auto", rtol=1e-8, max_period=MAX_PERIOD,
+             count_depth=0.01, chatter_tol=None, max_events_per_cycle=1_000_000,
+             max_steps_per_cycle=10_000_000, order=0, brake_torque=None,
+             claim_impacts_per_cycle=None, claim_deepest_separation=None, claim_text=None):
     """Settle, record, and estimate the error of every number by a second run.
 
     1. Follow the motion over the cycles to settle, recording nothing; whole cycles are recorded,
@@ -44,7 +44,8 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
     2. Record events, statistics of each cycle and samples in one pass of the engine.
     3. Mesh force: cubic Hermite pieces between samples and contact events (force and its rate are
        known at both ends), integrated and searched for extremes.
-    4. Do the same with rk4 at rtol/100 (1e-13 at least; 100·rtol below 1e-12): `X_error` is the difference.
+    4. Do the same with rk4 at rtol/100 (1e-13 at least; 100·rtol below 1e-12): `X_error` is the
+       difference.
        `X_transient` is the second half of the recorded cycles less the first.
 
     Parameters
@@ -54,7 +55,8 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
     name : str
     start, phase : as for `simulate`, but for the end of another run
     settle_cycles, record_cycles, samples_per_cycle : int; >= 0, >= 1, >= 1
-    method, rtol, count_depth, chatter_tol, max_events_per_cycle, max_steps_per_cycle : see `Numerics`
+    method, rtol, count_depth, chatter_tol, max_events_per_cycle, max_steps_per_cycle :
+        see `Numerics`
     max_period, order : int; mesh cycles, and the place among the responses of a deck
     brake_torque : float, N·m; default: the one that gives the oscillator's force at balance
     claim_* : what a source reports (depth in rad), float, float, str; kept, not judged
@@ -93,7 +95,8 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
     settings = {
         "name": name, "order": order,
         "brake_torque": osc.force / pair.force_per_torque if brake_torque is None else brake_torque,
-        "mesh_period_s": osc.period / pair.natural_frequency, "method": engine.method_of(osc, numerics), "rtol": rtol,
+        "mesh_period_s": osc.period / pair.natural_frequency,
+        "method": engine.method_of(osc, numerics), "rtol": rtol,
         "rtol_reference": other, "start_phase": phase,
         "start": start if isinstance(start, str) else " ".join(map(str, start)),
         "settle_cycles": settle_cycles, "record_cycles": record_cycles,

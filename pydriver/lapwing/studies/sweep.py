@@ -30,9 +30,10 @@ PARAMETER_UNITS = {"brake_torque": "N m", "drive_torque": "N m", "pinion_speed_r
 
 
 def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=400, record=100,
-          observe=("cycles",), phase=0.0, method="auto", rtol=1e-6, chatter_tol=None, count_depth=0.01,
-          max_impacts=2000, max_events_per_cycle=1_000_000, max_steps_per_cycle=10_000_000,
-          threads=None, progress=None, keep_interrupted=False, **operation):
+          observe=("cycles",), phase=0.0, method="auto", rtol=1e-6, chatter_tol=None,
+          count_depth=0.01, max_impacts=2000, max_events_per_cycle=1_000_000,
+          max_steps_per_cycle=10_000_000, threads=None, progress=None, keep_interrupted=False,
+          **operation):
     """Run a range of values of one parameter.
 
     Parameters
@@ -48,7 +49,8 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
     observe : of 'cycles' (statistics of each recorded cycle) and 'impacts' (phase and speed of
         up to `max_impacts` recorded impacts); the rest costs nothing
     phase : float, mesh phase at the start
-    method, rtol, chatter_tol, count_depth, max_events_per_cycle, max_steps_per_cycle : see `Numerics`
+    method, rtol, chatter_tol, count_depth, max_events_per_cycle, max_steps_per_cycle :
+        see `Numerics`
     threads : int or None; default `default_threads()`; results do not depend on it
     progress : callable(fraction done) or None
     keep_interrupted : bool, whether Ctrl-C returns what is finished (attribute `interrupted`,
@@ -81,7 +83,7 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
         keep_interrupted=keep_interrupted)
     return _dataset(result, oscillators, parameter, values, starts, wanted, phase,
                     {"settle": settle, "record": record, "rtol": rtol,
-                     "method": engine.method_of(oscillators[0], numerics),
+                     "method": engine.common_method(oscillators, numerics),
                      "count_depth": count_depth, "interrupted": int(result.interrupted)})
 
 

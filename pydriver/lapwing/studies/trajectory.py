@@ -104,7 +104,8 @@ def simulate(osc, start="rest", phase=0.0, cycles=50, method="auto", rtol=1e-10,
     record : what is recorded, of 'events', 'cycles', 'grazes'; the rest costs nothing
     graze_distance : float, rad; a closest approach nearer than this is logged as a near-graze
         (default 1e-3 of the angle scale, with 'grazes')
-    method, rtol, chatter_tol, count_depth, max_events_per_cycle, max_steps_per_cycle : see `Numerics`
+    method, rtol, chatter_tol, count_depth, max_events_per_cycle, max_steps_per_cycle :
+        see `Numerics`
 
     Returns
     -------

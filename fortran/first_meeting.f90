@@ -1,0 +1,261 @@
+!> Where a smooth stretch first meets a position, or first turns, with a guarantee.
+!>
+!> Around any time the motion is a polynomial of degree five and a remainder that is bounded. Less
+!> that bound, the polynomial's Bernstein coefficients tell up to where there can be no zero: the
+!> search begins anew there, over a shorter time. Once the remainder is below rounding the
+!> polynomial decides. A zero is taken before that only where slope, curvature and remainder say
+!> that it exists and is the only one near.
+module lapwing_first_meeting
+  use lapwing_kinds, only: wp
+  use lapwing_closed_form, only: bound_order
+  use lapwing_polynomial, only: max_degree, first_zero, first_nonzero, lift_off, horner_slope
+  use lapwing_smooth_curve, only: scene_t, curve_t, curve_at, curve_taylor, rest_after, &
+      acceleration_at
+  implicit none
+  private
+  public :: target_t, first_meeting, first_turn, quick_return
+
+  !> What is looked for within one panel.
+  type :: target_t
+    real(wp) :: sign = 1          !! sign*(x - wall) is positive before
+    real(wp) :: wall = 0          !! position met
+    logical :: touching = .false. !! it is zero where the search begins, and leaves
+    logical :: turn = .false.     !! not the position, but sign*v
+  end type target_t
+
+  !> Each shrinks the time by this factor, the remainder by its sixth power: five of them take any
+  !> remainder below rounding.
+  real(wp), parameter :: shrink = 0.125_wp
+  !> Searches of a stretch; never used up, for each either shrinks the time or moves on by it.
+  integer, parameter :: max_searches = 10000
+  integer, parameter :: max_newton = 12
+  !> Of a zero that is only a guess, over the time searched; it is found early rather than late.
+  real(wp), parameter :: rough = 1.0e-4_wp
+
+contains
+
+  !> First zero of a target between two times of a panel.
+  pure subroutine first_meeting(scene, curve, panel, goal, from, to, found, s)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch
+    integer, intent(in) :: panel               !! panel that holds the times
+    type(target_t), intent(in) :: goal         !! what is looked for
+    real(wp), intent(in) :: from, to           !! times since the stretch began
+    logical, intent(out) :: found              !! whether there is one
+    real(wp), intent(out) :: s                 !! when
+    real(wp) :: f(0:max_degree), low(0:max_degree), at, width, rest, y
+    integer :: i, times
+    logical :: exact, hit
+    found = .false.
+    s = to
+    at = from
+    width = to - from
+    do i = 1, max_searches
+      width = min(width, to - at)
+      call expand_goal(scene, curve, panel, goal, at, f, rest)
+      call leave_zero(goal%touching .and. at <= from, f, times, hit)
+      if (hit) then
+        found = .true.
+        s = at
+        return
+      end if
+      rest = rest*width**(merge(bound_order - 1, bound_order, goal%turn) - times)
+      exact = rest <= 4*epsilon(width)*size_of(f, width)
+      low = f
+      if (.not. exact) low(0) = f(0) - rest
+      if (low(0) <= 0 .and. .not. exact) then
+        width = shrink*width
+        cycle
+      end if
+      ! Not exact, it is the first guess of what is polished.
+      call first_zero(low, width, hit, y, merge(0.0_wp, rough, exact))
+      if (.not. hit) then
+        at = at + width
+        if (at >= to) return
+        width = width/shrink
+      else if (exact .or. is_isolated(f, y, rest, times, width)) then
+        found = .true.
+        s = polished(scene, curve, panel, goal, at, at + y, to)
+        return
+      else
+        at = at + max(0.0_wp, y - rough*width)
+        width = shrink*width
+      end if
+    end do
+  end subroutine first_meeting
+
+  !> First time after `from` where the velocity relative to the flank changes sign.
+  pure subroutine first_turn(scene, curve, panel, at_turn, from, to, found, s)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch
+    integer, intent(in) :: panel               !! panel that holds the times
+    logical, intent(in) :: at_turn             !! whether `from` is such a time
+    real(wp), intent(in) :: from, to           !! times since the stretch began
+    logical, intent(out) :: found              !! whether there is one
+    real(wp), intent(out) :: s                 !! when
+    type(target_t) :: goal
+    real(wp) :: x, v
+    call curve_at(scene, curve, panel, from, x, v)
+    goal%touching = at_turn .or. v == 0
+    if (goal%touching) v = acceleration_at(scene, curve, panel, from, x, v)
+    goal%sign = sign(1.0_wp, v)
+    goal%turn = .true.
+    call first_meeting(scene, curve, panel, goal, from, to, found, s)
+  end subroutine first_turn
+
+  !> Taylor coefficients of the target, and the bound of what they leave out per power of time.
+  pure subroutine expand_goal(scene, curve, panel, goal, at, f, rest)
+    type(scene_t), intent(in) :: scene             !! scene
+    type(curve_t), intent(in) :: curve             !! stretch
+    integer, intent(in) :: panel                   !! panel
+    type(target_t), intent(in) :: goal             !! what is looked for
+    real(wp), intent(in) :: at                     !! time since the stretch began
+    real(wp), intent(out) :: f(0:max_degree)       !! coefficients
+    real(wp), intent(out) :: rest                  !! bound
+    real(wp) :: c(0:max_degree)
+    integer :: k
+    if (at <= 0 .and. curve%near >= 0) then
+      c = curve%taylor(0:max_degree)
+      rest = rest_after(scene, curve, panel, at, curve%x, curve%v)
+    else
+      call curve_taylor(scene, curve, panel, at, c, rest)
+    end if
+    if (goal%turn) then
+      f = [(goal%sign*k*c(k), k = 1, max_degree), 0.0_wp]
+      rest = bound_order*rest
+    else
+      c(0) = c(0) - goal%wall
+      f = goal%sign*c
+    end if
+  end subroutine expand_goal
+
+  !> A target that is zero, or below by rounding, where the search begins: divide its zero out, or
+  !> say that it is met at once because it falls.
+  pure subroutine leave_zero(leaves, f, times, met)
+    logical, intent(in) :: leaves                    !! whether it is known to rise from zero
+    real(wp), intent(inout) :: f(0:max_degree)       !! coefficients
+    integer, intent(out) :: times                    !! divisions
+    logical, intent(out) :: met                      !! whether it is met here
+    times = 0
+    met = .false.
+    if (leaves) f(0) = 0
+    if (f(0) > 0) return
+    met = .not. leaves .and. first_nonzero(f(1:)) < 0
+    if (.not. met) call lift_off(f, times)
+    if (times > max_degree) f(0) = 1
+  end subroutine leave_zero
+
+  pure real(wp) function size_of(f, width)
+    real(wp), intent(in) :: f(0:max_degree)   !! coefficients
+    real(wp), intent(in) :: width             !! interval
+    integer :: k
+    size_of = abs(f(max_degree))
+    do k = max_degree - 1, 0, -1
+      size_of = size_of*width + abs(f(k))
+    end do
+  end function size_of
+
+  !> Whether the motion, within `rest` of the polynomial, has one zero just after y, where the
+  !> polynomial is `rest` to `rough`: it falls there, and by 2*rest before its slope can have
+  !> halved. The slope of what the polynomial leaves out, r s**6, is at most 6 r s**5; after
+  !> `times` divisions by s, (6 + times) times itself over s.
+  pure logical function is_isolated(f, y, rest, times, width)
+    real(wp), intent(in) :: f(0:max_degree)   !! coefficients
+    real(wp), intent(in) :: y                 !! where the polynomial is `rest`
+    real(wp), intent(in) :: rest              !! bound of what it leaves out
+    integer, intent(in) :: times              !! divisions by s that made it
+    real(wp), intent(in) :: width             !! interval
+    real(wp) :: slope, span, bend
+    integer :: k
+    slope = -horner_slope(f, y)
+    is_isolated = .false.
+    if (slope <= 0) return
+    span = 4*rest/slope + 2*rough*width
+    bend = 0
+    do k = max_degree, 2, -1
+      bend = bend*width + k*(k - 1)*abs(f(k))
+    end do
+    is_isolated = bend*span + (bound_order + times)*rest/width <= 0.5_wp*slope &
+        .and. y + span <= width
+  end function is_isolated
+
+  !> A zero to the last bits: Newton's method on the motion itself, not before `least`.
+  pure real(wp) function polished(scene, curve, panel, goal, least, guess, most) result(s)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch
+    integer, intent(in) :: panel               !! panel
+    type(target_t), intent(in) :: goal         !! what is looked for
+    real(wp), intent(in) :: least, guess, most !! bracket and guess
+    real(wp) :: x, v, f, slope, step, last, bound
+    integer :: i
+    s = guess
+    last = most - least
+    bound = last
+    do i = 1, max_newton
+      call curve_at(scene, curve, panel, s, x, v)
+      if (goal%turn) then
+        f = goal%sign*v
+        slope = goal%sign*acceleration_at(scene, curve, panel, s, x, v)
+      else
+        f = goal%sign*(x - goal%wall)
+        slope = goal%sign*v
+      end if
+      if (slope >= 0) return
+      step = -f/slope
+      if (abs(step) > bound .or. s + step < least .or. s + step > most) return
+      s = s + step
+      if (abs(step) <= 2*epsilon(s)*s) return
+      ! Steps fall as their squares: the next one would be about this.
+      if (i > 1 .and. abs(step)*(step/last)**2 <= epsilon(s)*s) return
+      last = step
+      bound = 0.5_wp*abs(step)
+    end do
+  end function polished
+
+  !> The return of a short excursion: the s > 0 where s*(p(0) + p(1) s + ...) = speed.
+  !>
+  !> Where (k+1)|p(k)| s**k add up to less than p(0)/4 up to s = 1.5 speed/p(0), the left side grows
+  !> at 3/4 p(0) at least: there is exactly one return before that time. Otherwise, or where it
+  !> lies beyond `limit`, nothing is claimed.
+  pure subroutine quick_return(p, speed, limit, found, s)
+    real(wp), intent(in) :: p(0:)              !! series of the returning acceleration
+    real(wp), intent(in) :: speed              !! speed at the beginning
+    real(wp), intent(in) :: limit              !! the series holds up to here
+    logical, intent(out) :: found              !! whether there is such a return
+    real(wp), intent(out) :: s                 !! when
+    real(wp) :: most, power, tail, term, value, slope, step
+    integer :: i, k, n
+    found = .false.
+    s = 0
+    if (.not. (p(0) > 0 .and. speed > 0)) return
+    most = 1.5_wp*speed/p(0)
+    if (most > limit) return
+    power = 1
+    tail = 0
+    n = 0
+    do k = 1, ubound(p, 1)
+      power = power*most
+      term = (k + 1)*abs(p(k))*power
+      tail = tail + term
+      if (term > 0.125_wp*epsilon(s)*p(0)) n = k
+    end do
+    if (tail > 0.25_wp*p(0)) return
+    found = .true.
+    s = speed/p(0)
+    if (n == 0) return
+    s = s*(1 - p(1)*s/p(0))
+    do i = 1, max_newton
+      value = p(n)
+      slope = (n + 1)*p(n)
+      do k = n - 1, 0, -1
+        value = value*s + p(k)
+        slope = slope*s + (k + 1)*p(k)
+      end do
+      step = (speed - s*value)/slope
+      s = s + step
+      ! Convex or concave by p(0)/(4 most) at most, rising by 3/4 p(0): the error left is below
+      ! step**2/(3 most).
+      if (step**2 <= epsilon(s)*s*most) return
+    end do
+  end subroutine quick_return
+end module lapwing_first_meeting

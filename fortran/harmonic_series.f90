@@ -1,0 +1,128 @@
+!> A short harmonic series of time: value, slope and Taylor coefficients anywhere.
+module lapwing_harmonic_series
+  use lapwing_kinds, only: wp
+  implicit none
+  private
+  public :: harmonic_series_t, harmonic_series, steady_response, series_at, expand_series
+  public :: derivative_series, bound_derivative, top_order, fastest_rate
+
+  integer, parameter :: top_order = 13   !! highest Taylor coefficient
+
+  !> x(t) = constant + sum_i cosine(i) cos(rate(i) t) + sine(i) sin(rate(i) t).
+  type :: harmonic_series_t
+    real(wp) :: constant = 0
+    real(wp), allocatable :: rate(:)        !! per tau, positive
+    real(wp), allocatable :: cosine(:)      !! rad
+    real(wp), allocatable :: sine(:)        !! rad
+    real(wp), allocatable :: weight(:, :)   !! (0:top_order, terms) signed rate**k/k!
+  end type harmonic_series_t
+
+contains
+
+  !> Series from terms amplitude*cos(order*Omega*t + shift).
+  pure function harmonic_series(terms, scale, mesh_frequency_ratio) result(self)
+    real(wp), intent(in) :: terms(:, :)             !! (3, n): order, amplitude, shift
+    real(wp), intent(in) :: scale                   !! factor of all amplitudes
+    real(wp), intent(in) :: mesh_frequency_ratio    !! Omega
+    type(harmonic_series_t) :: self
+    logical :: moving(size(terms, 2))
+    moving = terms(1, :) > 0
+    self%constant = scale*sum(terms(2, :)*cos(terms(3, :)), mask=.not. moving)
+    self%rate = mesh_frequency_ratio*pack(terms(1, :), moving)
+    self%cosine = scale*pack(terms(2, :)*cos(terms(3, :)), moving)
+    self%sine = -scale*pack(terms(2, :)*sin(terms(3, :)), moving)
+    call weigh(self)
+  end function harmonic_series
+
+  !> Signed rate**k/k! of the derivatives' pattern value, rate, -value, -rate, ...
+  pure subroutine weigh(self)
+    type(harmonic_series_t), intent(inout) :: self   !! series, its terms known
+    integer :: k
+    allocate (self%weight(0:top_order, size(self%rate)))
+    self%weight(0, :) = 1
+    do k = 1, top_order
+      self%weight(k, :) = self%weight(k - 1, :)*self%rate/k
+      if (mod(k, 2) == 0) self%weight(k, :) = -self%weight(k, :)
+    end do
+  end subroutine weigh
+
+  !> Periodic solution of q'' + 2 xi q' + q = -x''.
+  !> With x = Re(X exp(i r t)): q = Re(r**2 X exp(i r t)/(1 - r**2 + 2 i xi r)).
+  pure function steady_response(self, xi) result(response)
+    type(harmonic_series_t), intent(in) :: self   !! x
+    real(wp), intent(in) :: xi                    !! damping ratio
+    type(harmonic_series_t) :: response
+    real(wp), allocatable :: stiff(:), loss(:), size2(:)
+    stiff = (1 - self%rate)*(1 + self%rate)
+    loss = 2*xi*self%rate
+    size2 = (stiff**2 + loss**2)/self%rate**2
+    response%rate = self%rate
+    response%cosine = (stiff*self%cosine - loss*self%sine)/size2
+    response%sine = (stiff*self%sine + loss*self%cosine)/size2
+    call weigh(response)
+  end function steady_response
+
+  !> Series of a derivative.
+  pure function derivative_series(self, order) result(derivative)
+    type(harmonic_series_t), intent(in) :: self   !! series
+    integer, intent(in) :: order                  !! even
+    type(harmonic_series_t) :: derivative
+    real(wp) :: sign
+    sign = merge(1.0_wp, -1.0_wp, mod(order, 4) == 0)
+    derivative%rate = self%rate
+    derivative%cosine = sign*self%cosine*self%rate**order
+    derivative%sine = sign*self%sine*self%rate**order
+    call weigh(derivative)
+  end function derivative_series
+
+  !> Value and slope.
+  pure subroutine series_at(self, t, x, slope)
+    type(harmonic_series_t), intent(in) :: self   !! series
+    real(wp), intent(in) :: t                     !! time
+    real(wp), intent(out) :: x, slope             !! value, rate
+    real(wp) :: c, s
+    integer :: i
+    x = self%constant
+    slope = 0
+    do i = 1, size(self%rate)
+      c = cos(self%rate(i)*t)
+      s = sin(self%rate(i)*t)
+      x = x + (self%cosine(i)*c + self%sine(i)*s)
+      slope = slope + self%rate(i)*(self%sine(i)*c - self%cosine(i)*s)
+    end do
+  end subroutine series_at
+
+  !> Taylor coefficients about t.
+  pure subroutine expand_series(self, t, taylor)
+    type(harmonic_series_t), intent(in) :: self   !! series
+    real(wp), intent(in) :: t                     !! time
+    real(wp), intent(out) :: taylor(0:)           !! coefficients, at most top_order
+    real(wp) :: c, s, pair(0:1)
+    integer :: i, k
+    taylor = 0
+    do i = 1, size(self%rate)
+      c = cos(self%rate(i)*t)
+      s = sin(self%rate(i)*t)
+      pair(0) = self%cosine(i)*c + self%sine(i)*s
+      pair(1) = self%sine(i)*c - self%cosine(i)*s
+      do k = 0, ubound(taylor, 1) - 1, 2
+        taylor(k) = taylor(k) + self%weight(k, i)*pair(0)
+        taylor(k + 1) = taylor(k + 1) + self%weight(k + 1, i)*pair(1)
+      end do
+    end do
+    taylor(0) = taylor(0) + self%constant
+  end subroutine expand_series
+
+  !> Bound of |k-th derivative|/k!, at all times.
+  pure real(wp) function bound_derivative(self, k)
+    type(harmonic_series_t), intent(in) :: self   !! series
+    integer, intent(in) :: k                      !! order
+    bound_derivative = sum(abs(self%weight(k, :))*hypot(self%cosine, self%sine))
+  end function bound_derivative
+
+  !> Largest rate, 0 without terms.
+  pure real(wp) function fastest_rate(self)
+    type(harmonic_series_t), intent(in) :: self   !! series
+    fastest_rate = max(0.0_wp, maxval(self%rate))
+  end function fastest_rate
+end module lapwing_harmonic_series

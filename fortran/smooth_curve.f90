@@ -1,0 +1,291 @@
+!> One smooth stretch of motion in closed form: where the tooth is at any time of it.
+!>
+!> Position x and velocity v refer to the flank the stretch is told from: the flank last touched in
+!> flight, the flank in contact. In flight x = x0 + v0 s + F s**2/2 less what the flank does; in
+!> contact x = F + q + d (`lapwing_closed_form`). Near the beginning both are taken from their
+!> Taylor series, so that the smallest bounce keeps its relative precision.
+module lapwing_smooth_curve
+  use lapwing_kinds, only: wp
+  use lapwing_closed_form, only: closed_form_t, locate_panel, free_size
+  use lapwing_damped, only: free_motion
+  use lapwing_harmonic_series, only: series_at, expand_series, top_order
+  use lapwing_polynomial, only: max_degree, horner, horner_slope, taylor_shift
+  use lapwing_transmission_error, only: te_table_t
+  implicit none
+  private
+  public :: curve_t, scene_t, launch, expand_launch, curve_at, curve_taylor, flank_taylor, rest_after
+  public :: acceleration_at, free_state
+
+  !> A Taylor series of order `top_order` is exact to rounding where rate*s is below this: the first
+  !> term left out, (rate*s)**(top_order + 1)/(top_order + 1)!, against the second one,
+  !> (rate*s)**2/2.
+  real(wp), parameter :: reach = (epsilon(1.0_wp)*43589145600.0_wp)**(1.0_wp/12)
+
+  !> What all stretches of an oscillator have in common.
+  type :: scene_t
+    real(wp) :: force = 1                 !! F
+    type(te_table_t) :: table             !! g as a table
+    type(closed_form_t) :: form           !! what is computed beforehand
+  end type scene_t
+
+  !> One stretch.
+  type :: curve_t
+    logical :: contact = .false.          !! in contact, or in flight
+    logical :: moving = .true.            !! whether the flank moves with g
+    integer :: degree = top_order         !! of its series: less where that ends, as a table does
+    integer :: piece = 1                  !! table piece of the beginning
+    real(wp) :: t = 0                     !! cycle time of s = 0
+    real(wp) :: x = 0, v = 0              !! position and velocity there
+    real(wp) :: near = -1                 !! the Taylor series holds up to this s
+    real(wp) :: taylor(0:top_order)       !! of x about s = 0, once expanded
+    real(wp) :: flank(2) = 0              !! g and g' at s = 0, in flight
+    real(wp) :: free(2) = 0               !! d and d' at s = 0, in contact
+  end type curve_t
+
+contains
+
+  !> Begin a stretch.
+  pure subroutine launch(scene, contact, moving, t, piece, x, v, curve)
+    type(scene_t), intent(in) :: scene         !! scene
+    logical, intent(in) :: contact             !! in contact, or in flight
+    logical, intent(in) :: moving              !! whether the flank moves with g
+    real(wp), intent(in) :: t                  !! time in the cycle
+    integer, intent(in) :: piece               !! table piece that holds t
+    real(wp), intent(in) :: x, v               !! position and velocity
+    type(curve_t), intent(out) :: curve        !! the stretch
+    real(wp) :: q(2)
+    curve%contact = contact
+    curve%moving = moving
+    curve%t = t
+    curve%piece = piece
+    curve%x = x
+    curve%v = v
+    if (.not. contact) return
+    q = 0
+    if (moving) q = response_at(scene, t)
+    curve%free = [(x - scene%force) - q(1), v - q(2)]
+  end subroutine launch
+
+  !> q and q' at a time of the cycle, after what happens there.
+  pure function response_at(scene, t) result(q)
+    type(scene_t), intent(in) :: scene         !! scene
+    real(wp), intent(in) :: t                  !! time in the cycle
+    real(wp) :: q(2), d, e, x
+    integer :: panel
+    associate (form => scene%form)
+      panel = locate_panel(form, t)
+      if (t == form%edge(panel)) then
+        q = form%q_begin(:, panel)
+      else if (form%harmonic) then
+        call series_at(form%q, t, q(1), q(2))
+      else
+        x = t - form%edge(panel)
+        call free_motion(form%damping, x, d, e)
+        q = free_state(form, form%free_begin(:, panel), d, e)
+        q(1) = q(1) + horner(form%particular(:, panel), x)
+        q(2) = q(2) + horner_slope(form%particular(:, panel), x)
+      end if
+    end associate
+  end function response_at
+
+  !> (d, d') after a time whose two solutions are known.
+  pure function free_state(form, begin, d, e) result(state)
+    type(closed_form_t), intent(in) :: form    !! scene
+    real(wp), intent(in) :: begin(2)           !! at its beginning
+    real(wp), intent(in) :: d, e               !! see `free_motion`
+    real(wp) :: state(2)
+    state(1) = d*begin(1) + e*(begin(2) + form%damping%xi*begin(1))
+    state(2) = d*begin(2) - e*(begin(1) + form%damping%xi*begin(2))
+  end function free_state
+
+  !> The Taylor series of a stretch about its beginning, and how far it reaches.
+  pure subroutine expand_launch(scene, curve)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(inout) :: curve      !! its series is set
+    real(wp) :: g(0:top_order)
+    if (.not. (curve%contact .or. scene%form%harmonic)) curve%degree = max_degree
+    associate (n => curve%degree)
+      call flank_taylor(scene, curve%moving, curve%t, curve%piece, g(0:n))
+      curve%flank = g(0:1)
+      call motion_taylor(scene, curve%contact, curve%x, curve%v, g(0:n), curve%taylor(0:n))
+    end associate
+    if (curve%degree == top_order) then
+      curve%near = reach/scene%form%fastest
+      if (.not. scene%form%harmonic) curve%near = min(curve%near, to_knot(scene, curve))
+    else
+      curve%near = to_knot(scene, curve)
+    end if
+    if (.not. curve%moving .and. .not. curve%contact) curve%near = huge(1.0_wp)
+  end subroutine expand_launch
+
+  pure real(wp) function to_knot(scene, curve)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch
+    to_knot = scene%table%knot(curve%piece + 1) - curve%t
+  end function to_knot
+
+  !> Taylor coefficients of g about t: a table's own, or those of the series.
+  pure subroutine flank_taylor(scene, moving, t, piece, g)
+    type(scene_t), intent(in) :: scene         !! scene
+    logical, intent(in) :: moving              !! whether the flank moves with g
+    real(wp), intent(in) :: t                  !! time in the cycle
+    integer, intent(in) :: piece               !! table piece that holds t
+    real(wp), intent(out) :: g(0:)             !! coefficients
+    g = 0
+    if (.not. moving) return
+    if (scene%form%harmonic) then
+      call expand_series(scene%form%g, t, g)
+    else
+      g(0:max_degree) = scene%table%coefficient(:, piece)
+      if (t /= scene%table%knot(piece)) then
+        call taylor_shift(g(0:max_degree), t - scene%table%knot(piece))
+      end if
+    end if
+  end subroutine flank_taylor
+
+  !> Taylor coefficients of the motion from position and velocity: x'' = F - g'' in flight,
+  !> x'' = F - g'' - 2 xi x' - x in contact.
+  pure subroutine motion_taylor(scene, contact, x, v, g, c)
+    type(scene_t), intent(in) :: scene         !! scene
+    logical, intent(in) :: contact             !! in contact, or in flight
+    real(wp), intent(in) :: x, v               !! position and velocity
+    real(wp), intent(in) :: g(0:)              !! Taylor coefficients of the flank
+    real(wp), intent(out) :: c(0:)             !! and of the motion
+    real(wp) :: double_xi
+    integer :: k
+    c = -g
+    c(0:1) = [x, v]
+    c(2) = c(2) + 0.5_wp*scene%force
+    if (.not. contact) return
+    double_xi = 2*scene%form%damping%xi
+    do k = 2, ubound(c, 1)
+      c(k) = c(k) - (double_xi*(k - 1)*c(k - 1) + c(k - 2))/real(k*(k - 1), wp)
+    end do
+  end subroutine motion_taylor
+
+  !> Position and velocity at s. `panel` holds t + s; at its end the values before any jump.
+  pure subroutine curve_at(scene, curve, panel, s, x, v)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch
+    integer, intent(in) :: panel               !! panel (in contact, with a table)
+    real(wp), intent(in) :: s                  !! time since its beginning
+    real(wp), intent(out) :: x, v              !! position and velocity
+    real(wp) :: g, slope
+    if (s <= curve%near) then
+      x = horner(curve%taylor(0:curve%degree), s)
+      v = horner_slope(curve%taylor(0:curve%degree), s)
+    else if (curve%contact) then
+      call contact_at(scene, curve, panel, s, x, v)
+    else
+      call flank_at(scene, panel, curve%t + s, g, slope)
+      x = curve%x + (curve%v + curve%flank(2))*s + 0.5_wp*scene%force*s**2 - (g - curve%flank(1))
+      v = (curve%v + curve%flank(2)) + scene%force*s - slope
+    end if
+  end subroutine curve_at
+
+  !> g and g' at a time of the cycle.
+  pure subroutine flank_at(scene, panel, t, g, slope)
+    type(scene_t), intent(in) :: scene         !! scene
+    integer, intent(in) :: panel               !! panel that holds t
+    real(wp), intent(in) :: t                  !! time in the cycle
+    real(wp), intent(out) :: g, slope          !! position and velocity
+    real(wp) :: x
+    integer :: piece
+    if (scene%form%harmonic) then
+      call series_at(scene%form%g, t, g, slope)
+    else
+      piece = scene%form%piece(panel)
+      x = t - scene%table%knot(piece)
+      g = horner(scene%table%coefficient(:, piece), x)
+      slope = horner_slope(scene%table%coefficient(:, piece), x)
+    end if
+  end subroutine flank_at
+
+  !> The same in contact: F + q + d.
+  pure subroutine contact_at(scene, curve, panel, s, x, v)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch
+    integer, intent(in) :: panel               !! panel that holds t + s
+    real(wp), intent(in) :: s                  !! time since its beginning
+    real(wp), intent(out) :: x, v              !! position and velocity
+    real(wp) :: d, e, q(2), state(2), at, xi
+    associate (form => scene%form)
+      xi = form%damping%xi
+      call free_motion(form%damping, s, d, e)
+      state = free_state(form, curve%free, d, e)
+      q = 0
+      if (curve%moving) then
+        at = (curve%t + s) - form%edge(panel)
+        if (curve%t + s >= form%edge(panel + 1)) then
+          q = form%q_end(:, panel)
+        else if (form%harmonic) then
+          call series_at(form%q, curve%t + s, q(1), q(2))
+        else
+          call free_motion(form%damping, at, d, e)
+          q = free_state(form, form%free_begin(:, panel), d, e)
+          q(1) = q(1) + horner(form%particular(:, panel), at)
+          q(2) = q(2) + horner_slope(form%particular(:, panel), at)
+        end if
+      end if
+      x = scene%force + (q(1) + state(1))
+      v = q(2) + state(2)
+    end associate
+  end subroutine contact_at
+
+  !> Taylor coefficients of the motion about s, and a bound of |x^(6)|/6! from there on: within the
+  !> panel, which holds t + s.
+  pure subroutine curve_taylor(scene, curve, panel, s, c, rest)
+    type(scene_t), intent(in) :: scene             !! scene
+    type(curve_t), intent(in) :: curve             !! stretch
+    integer, intent(in) :: panel                   !! panel
+    real(wp), intent(in) :: s                      !! time since its beginning
+    real(wp), intent(out) :: c(0:max_degree)       !! coefficients
+    real(wp), intent(out) :: rest                  !! bound
+    real(wp) :: g(0:max_degree), x, v
+    call curve_at(scene, curve, panel, s, x, v)
+    call flank_taylor(scene, curve%moving, curve%t + s, scene%form%piece(panel), g)
+    call motion_taylor(scene, curve%contact, x, v, g, c)
+    rest = rest_after(scene, curve, panel, s, x, v)
+  end subroutine curve_taylor
+
+  !> Bound of |x^(6)|/6! from s to the end of the panel.
+  pure real(wp) function rest_after(scene, curve, panel, s, x, v) result(rest)
+    type(scene_t), intent(in) :: scene             !! scene
+    type(curve_t), intent(in) :: curve             !! stretch
+    integer, intent(in) :: panel                   !! panel
+    real(wp), intent(in) :: s                      !! time since its beginning
+    real(wp), intent(in) :: x, v                   !! position and velocity at s
+    real(wp) :: free(2), at
+    rest = 0
+    associate (form => scene%form)
+      if (.not. curve%contact) then
+        if (form%harmonic .and. curve%moving) rest = form%g_bound
+        return
+      end if
+      free = [x - scene%force, v]
+      if (.not. curve%moving) then
+        rest = form%free_bound*free_size(free)
+      else if (form%harmonic) then
+        rest = form%q_bound + form%free_bound*free_size(curve%free)
+      else
+        at = (curve%t + s) - form%edge(panel)
+        free(1) = free(1) - horner(form%particular(:, panel), at)
+        free(2) = free(2) - horner_slope(form%particular(:, panel), at)
+        rest = form%free_bound*free_size(free)
+      end if
+    end associate
+  end function rest_after
+
+  !> x'' where position and velocity are known.
+  pure real(wp) function acceleration_at(scene, curve, panel, s, x, v) result(a)
+    type(scene_t), intent(in) :: scene             !! scene
+    type(curve_t), intent(in) :: curve             !! stretch
+    integer, intent(in) :: panel                   !! panel that holds t + s
+    real(wp), intent(in) :: s                      !! time since its beginning
+    real(wp), intent(in) :: x, v                   !! position and velocity there
+    real(wp) :: g(0:max_degree)
+    call flank_taylor(scene, curve%moving, curve%t + s, scene%form%piece(panel), g)
+    a = scene%force - 2*g(2)
+    if (curve%contact) a = a - 2*scene%form%damping%xi*v - x
+  end function acceleration_at
+end module lapwing_smooth_curve

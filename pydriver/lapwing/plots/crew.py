@@ -1,0 +1,154 @@
+"""Processes that draw figures side by side, each from the result file."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import signal
+import sys
+from multiprocessing.connection import wait
+from types import ModuleType
+
+# More processes than this wait for each other at the disk, and take 100 MB each.
+MOST = 8
+# Seconds to let a figure that was begun be finished.
+PATIENCE = 10.0
+# The slow part of a process's start, loaded once before they part.
+PRELOAD = ("netCDF4", "xarray", "matplotlib.figure", "matplotlib.backends.backend_agg",
+           "matplotlib.backends.backend_pdf", "PIL.PngImagePlugin", "lapwing.results")
+
+
+class Crew:
+    """Drawing processes, begun as they are needed; what they need is loaded meanwhile.
+
+    Each draws one figure at a time and waits for the next.  Ctrl-C is the caller's matter: they
+    end when it closes the crew, or is gone.  Use it in a `with` statement.
+
+    Parameters
+    ----------
+    size : int, processes, `MOST` at most; 1: none, the caller draws by itself
+    """
+
+    def __init__(self, size):
+        self._size = min(size, MOST) if size > 1 else 0
+        self._workers = {}
+        methods = multiprocessing.get_all_start_methods()
+        # Fork by itself would copy the threads' locks of the engine and the display.
+        self._method = "forkserver" if "forkserver" in methods else "spawn"
+        if self._size and self._method == "forkserver":
+            from multiprocessing import forkserver
+
+            forkserver.set_forkserver_preload(list(PRELOAD))
+            with _interrupts_held():
+                forkserver.ensure_running()
+
+    def __bool__(self):
+        return self._size > 0
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def close(self):
+        """Let the processes finish the figures they are at, and end them."""
+        for pipe in self._workers:
+            pipe.close()
+        for process in self._workers.values():
+            process.join(PATIENCE)
+            if process.is_alive():
+                process.terminate()
+                process.join()
+        self._workers.clear()
+
+    def draw(self, path, tasks, folder, formats):
+        """Have tasks drawn from a result file.
+
+        Yields
+        ------
+        (Task, what went wrong or None), as they are finished
+        """
+        with _interrupts_held():
+            while len(self._workers) < min(self._size, len(tasks)):
+                self._hire()
+        waiting = list(reversed(tasks))
+        idle = list(self._workers)
+        busy = {}
+        while waiting or busy:
+            while waiting and idle:
+                pipe = idle.pop()
+                task = waiting.pop()
+                busy[pipe] = task
+                # One that has died is found at the other end of the pipe.
+                with contextlib.suppress(OSError):
+                    pipe.send((path, task, folder, formats))
+            if not busy:
+                yield from ((task, "no process is left to draw it") for task in waiting)
+                return
+            for pipe in wait(list(busy)):
+                try:
+                    problem = pipe.recv()
+                    idle.append(pipe)
+                except (EOFError, OSError):
+                    problem = f"the process that drew it {self._dismiss(pipe)}"
+                yield busy.pop(pipe), problem
+
+    def _hire(self):
+        """Start one process."""
+        context = multiprocessing.get_context(self._method)
+        ours, theirs = context.Pipe()
+        process = context.Process(target=_draw_on_demand, args=(theirs,), daemon=True)
+        with _main_hidden():
+            process.start()
+        theirs.close()
+        self._workers[ours] = process
+
+    def _dismiss(self, pipe):
+        """Forget a process that has died; returns how it ended."""
+        process = self._workers.pop(pipe)
+        pipe.close()
+        process.join(PATIENCE)
+        return f"ended with code {process.exitcode}"
+
+
+@contextlib.contextmanager
+def _main_hidden():
+    """A process begun meanwhile does not run the caller's script, of which it needs nothing."""
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
+
+
+@contextlib.contextmanager
+def _interrupts_held():
+    """Ctrl-C waits, and what is started meanwhile never hears of it."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # it would lift the mask
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _draw_on_demand(pipe):
+    """Draw what comes through the pipe until it is closed; a process's whole life."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    from lapwing.plots import attempt
+    from lapwing.results import read_results
+
+    opened = {}
+    with contextlib.suppress(EOFError, OSError), contextlib.ExitStack() as stack:
+        while True:
+            path, task, folder, formats = pipe.recv()
+            if path not in opened:
+                opened[path] = stack.enter_context(read_results(path))
+            pipe.send(attempt(opened[path], task, folder, formats))
