@@ -10,6 +10,7 @@ All build the program first (Meson and a Fortran compiler are needed; nothing is
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -55,7 +56,10 @@ def build(folder=ROOT / "build" / "quadruple"):
 
 
 def run_quietly(*command, **options):
-    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, **options)
+    """Run a program that may lie beside this Python; leave with what it says if it fails."""
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+    done = subprocess.run([str(c) for c in command], capture_output=True, text=True,
+                          env={**os.environ, "PATH": path}, **options)
     if done.returncode:
         sys.exit(done.stdout + done.stderr)
 
