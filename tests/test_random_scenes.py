@@ -52,6 +52,17 @@ def test_exact_against_runge_kutta():
     assert compared > 5_000 and ends["all"] > 270
 
 
+# Beyond the first 300: a slope jump taken twice by rounding, a contact that lasts 0.05 on a series, a
+# motion in which force and curve matter by their quotient alone, short pieces under strong damping.
+REMARKABLE = [841, 2061, 2761, 2939]
+
+
+@pytest.mark.parametrize("seed", REMARKABLE)
+def test_remarkable_scenes(seed):
+    verdict = follow(seed, (EXACT, FINE))
+    assert verdict.agrees, f"{describe(seed)}\n{verdict.why}"
+
+
 def test_most_scenes_allow_the_closed_form():
     needs_closed_form("exact")
     methods = []
