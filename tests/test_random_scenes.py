@@ -52,8 +52,8 @@ def test_exact_against_runge_kutta():
     assert compared > 5_000 and ends["all"] > 270
 
 
-# Beyond the first 300: a slope jump taken twice by rounding, a contact that lasts 0.05 on a series, a
-# motion in which force and curve matter by their quotient alone, short pieces under strong damping.
+# Beyond the first 300: a slope jump taken twice by rounding, a contact that lasts 0.05 on a series,
+# a motion in which force and curve matter by their quotient alone, short pieces strongly damped.
 REMARKABLE = [841, 2061, 2761, 2939]
 
 
