@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from mpmath import mp, mpf
 
-from helpers import EPS, ROOT, needs_closed_form
+from helpers import EPS, ROOT
 from lapwing import EventKind
 from lapwing.bench.reference import load, variant
 from lapwing.bench.scenes import SCENES, SHORT
@@ -54,7 +54,6 @@ RUNS = [pytest.param(stem, run, id=f"{stem}-{run['name']}", marks=(
 @pytest.mark.parametrize(("stem", "run"), RUNS)
 def test_closed_form(program, stem, run):
     """The closed form has nearly all the digits there are."""
-    needs_closed_form("exact")
     count, _, scaled = quadruple.compare_run(program, run, method="exact")
     assert count == len(quadruple.without_tails(
         [{**e, "tau": mpf(e["tau"])} for e in run["events"]],
