@@ -1,20 +1,11 @@
 """What several test files share: gears, scenes, and short ways to read a run."""
 
 import math
-from functools import cache
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-from lapwing import (
-    EventKind,
-    GearPair,
-    MotionState,
-    Oscillator,
-    TransmissionError,
-    simulate,
-)
+from lapwing import EventKind, GearPair, MotionState, Oscillator, TransmissionError
 
 ROOT = Path(__file__).parents[1]
 EPS = float(np.finfo(float).eps)
@@ -79,19 +70,3 @@ def dataset_bytes(dataset):
     """Every number of a dataset, bit for bit."""
     return {name: (array.dtype.str, array.values.tobytes())
             for name, array in dataset.variables.items()}
-
-
-@cache
-def _closed_form():
-    ends = [simulate(scene_a(3.3), cycles=1, method="exact", rtol=rtol).final.phi
-            for rtol in (1e-3, 1e-6)]
-    return ends[0] == ends[1]
-
-
-def needs_closed_form(method):
-    """Expect failure of a test of 'exact' in an engine where that is still Runge-Kutta.
-
-    A closed form does not depend on rtol, so it is recognised by its results.
-    """
-    if method == "exact" and not _closed_form():
-        pytest.xfail("this engine moves by Runge-Kutta whatever the method")

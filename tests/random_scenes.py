@@ -90,7 +90,8 @@ def start(rng, osc, phase):
     if kind == "engagement":
         return "engagement", depth, speed
     if kind == "back_engagement" and osc.gap != "one_flank":
-        return "back_engagement", bottom - depth, speed
+        # A little deeper than nothing, so that rounding never puts it before the flank.
+        return "back_engagement", bottom - depth - 1e-12 * abs(bottom), speed
     return "rest"
 
 

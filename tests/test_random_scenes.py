@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from helpers import EPS, needs_closed_form
+from helpers import EPS
 from lapwing import EventKind, MotionState, simulate
 from random_scenes import TOLERANCE, describe, follow, scene, survey
 
@@ -22,7 +22,7 @@ def report(disagreements):
 
 
 def test_scenes_cover_every_law_and_event():
-    scenes = [scene(seed) for seed in range(300)]
+    scenes = [scene(seed) for seed in range(150)]
     for name, values in (
             ("contact_law", {"restitution", "compliant", "rigid"}),
             ("impact_law", {"relative", "absolute"}), ("back_flank_te", {True, False}),
@@ -42,7 +42,7 @@ def test_scenes_cover_every_law_and_event():
         seen |= set(run.events["kind"].values.tolist())
         active += run.events.sizes["event"] > 0
     assert seen == {int(k) for k in EventKind if k <= EventKind.KINK}
-    assert active > 200
+    assert active > 100
 
 
 def test_exact_against_runge_kutta():
@@ -52,22 +52,32 @@ def test_exact_against_runge_kutta():
     assert compared > 5_000 and ends["all"] > 270
 
 
+# Beyond the first 300: a slope jump taken twice by rounding, a contact that lasts 0.05 on a series,
+# a motion in which force and curve matter by their quotient alone, short pieces strongly damped.
+REMARKABLE = [841, 2061, 2761, 2939]
+
+
+@pytest.mark.parametrize("seed", REMARKABLE)
+def test_remarkable_scenes(seed):
+    verdict = follow(seed, (EXACT, FINE))
+    assert verdict.agrees, f"{describe(seed)}\n{verdict.why}"
+
+
 def test_most_scenes_allow_the_closed_form():
-    needs_closed_form("exact")
     methods = []
-    for seed in range(100):
+    for seed in range(60):
         osc, begin, phase, _ = scene(seed)
         methods.append(simulate(osc, begin, phase, 0.01, method="auto", record=()).method)
     # Only a forcing close to an undamped resonance is left to Runge-Kutta.
-    assert methods.count("exact") >= 95
+    assert methods.count("exact") >= 57
 
 
 def test_runge_kutta_against_a_coarser_one():
     """No event missed or doubled by the rule down to rtol = 1e-8."""
     for rtol in (1e-11, 1e-8):
-        ends, compared, disagreements = survey(range(100), (FINE, ("rk4", rtol)))
+        ends, compared, disagreements = survey(range(60), (FINE, ("rk4", rtol)))
         assert not disagreements, report(disagreements)
-        assert compared > 1_500 and ends["all"] > 90
+        assert compared > 1_500 and ends["all"] > 50
 
 
 @pytest.mark.full

@@ -6,7 +6,8 @@ program follow_in_quadruple
   use lapwing_event_search, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
   use lapwing_kinds, only: wp
-  use lapwing_oscillator, only: oscillator_t, parameters_t, oscillator, start_at_rest, start_from
+  use lapwing_method, only: moved_by
+  use lapwing_oscillator, only: oscillator_t, parameters_t, start_at_rest, start_from
   use lapwing_recorder, only: recorder_t, log_columns, cycle_columns
   use lapwing_run, only: run_to, deadline_in
   implicit none
@@ -16,7 +17,7 @@ program follow_in_quadruple
 
   type(parameters_t) :: parameters
   type(numerics_t) :: numerics
-  real(wp), allocatable :: knots(:), coefficients(:, :), kinks(:)
+  real(wp), allocatable :: knots(:), coefficients(:, :), kinks(:), series(:, :)
   real(wp) :: start(4)
   integer :: cycles, event_room
   call read_case()
@@ -24,22 +25,29 @@ program follow_in_quadruple
 
 contains
 
-  !> Parameters by name, then the table: phase, six coefficients and 1 at a kink for each piece.
+  !> Parameters by name; the table: phase, six coefficients and 1 at a kink for each piece; the
+  !> series behind it, if any: order, amplitude and shift of each term.
   subroutine read_case()
     real(wp) :: force, mesh_frequency_ratio, flank_scale, peak_to_peak, damping_ratio, &
         restitution, backlash, tolerance, chatter_tolerance
-    integer :: contact_law, impact_law, gap, back_flank_te, method, pieces, i
+    integer :: contact_law, impact_law, gap, back_flank_te, method, pieces, terms, i
     namelist /case/ force, mesh_frequency_ratio, flank_scale, peak_to_peak, damping_ratio, &
         restitution, backlash, tolerance, chatter_tolerance, contact_law, impact_law, gap, &
-        back_flank_te, method, start, cycles, event_room, pieces
+        back_flank_te, method, start, cycles, event_room, pieces, terms
     method = method_rk4
     event_room = 100000
+    terms = 0
     read (*, nml=case)
     allocate (knots(pieces + 1), coefficients(0:5, pieces), kinks(pieces))
     do i = 1, pieces
       read (*, *) knots(i), coefficients(:, i), kinks(i)
     end do
     knots(pieces + 1) = 1
+    allocate (series(3, max(terms, 1)))
+    series(:, 1) = [-1, 0, 0]
+    do i = 1, terms
+      read (*, *) series(:, i)
+    end do
     parameters = parameters_t(force=force, mesh_frequency_ratio=mesh_frequency_ratio, &
         flank_scale=flank_scale, peak_to_peak=peak_to_peak, damping_ratio=damping_ratio, &
         restitution=restitution, backlash=backlash, tolerance=tolerance, &
@@ -53,14 +61,14 @@ contains
   !> Run to the beginning of cycle number `cycles` and write events, states at cycles' beginnings,
   !> the state at the end and the status.
   subroutine follow()
-    type(oscillator_t) :: system
+    class(oscillator_t), allocatable :: system
     type(hybrid_state_t) :: state
     type(recorder_t) :: recorder
     type(work_t) :: work
     real(wp), target :: log(log_columns, event_room), rows(cycle_columns, cycles + 1)
     real(wp) :: phi, phi_dot
     integer :: status, i
-    system = oscillator(parameters, knots, coefficients, kinks == 1)
+    call moved_by(numerics%method, parameters, knots, coefficients, kinks == 1, series, system)
     state%instant = start_at_rest(system, start(4))
     if (start(1) >= 0) then
       state%instant = start_from(system, start(4), nint(start(1)), start(2), start(3))

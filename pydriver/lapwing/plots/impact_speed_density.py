@@ -52,7 +52,7 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
                     pad=0.02, aspect=40)
     engaged = sweep_parts.full_engagement_of(sweep, full_engagement)
     sweep_parts.mark_full_engagement(axes, engaged, axes[0], values)
-    critical_marks.draw_marks(axes, axes[0], marks, values, engaged)
+    critical_marks.draw_marks(axes, axes[0], marks, values, engaged, heights=(0.2, 0.2))
     sweep_parts.finish(figure, axes, sweep,
                        f"impact speeds: {sweep.attrs.get('name', '')}" if title is None else title)
     return figure
