@@ -250,7 +250,9 @@ contains
     real(wp), intent(in) :: s            !! time of the event since then
     real(wp) :: ends
     ends = frame%t + frame%stop
-    at_stop = frame%t + s >= ends - spacing(ends)
+    ! `spacing` is slow, and most events are nowhere near.
+    at_stop = frame%t + s >= ends*(1 - 2*epsilon(s))
+    if (at_stop) at_stop = frame%t + s >= ends - spacing(ends)
   end function at_stop
 
   !> Try steps until the error estimate is within the tolerance.

@@ -49,6 +49,7 @@ module lapwing_closed_form
     real(wp), allocatable :: q_rest(:)             !! (n) and what they leave out
     real(wp), allocatable :: g_bernstein(:, :)     !! (0:5, n) of g, with a series
     real(wp), allocatable :: g_rest(:)             !! (n) and what they leave out
+    real(wp), allocatable :: g_taylor(:, :)        !! (0:5, n + 1) g about the edges, with a series
     real(wp), allocatable :: d_bernstein(:, :, :)  !! (0:5, 2, n) of d for unit d and d'
     real(wp), allocatable :: d_rest(:)             !! (n) what they leave out, over E
     real(wp), allocatable :: d_matrix(:, :, :)     !! (2, 2, n) d over the panel
@@ -155,18 +156,22 @@ contains
     integer :: i
     call allocate_response(self)
     allocate (self%g_bernstein(0:max_degree, self%n), self%g_rest(self%n))
+    allocate (self%g_taylor(0:max_degree, self%n + 1))
     do i = 1, self%n
       half = 0.5_wp*(self%edge(i + 1) - self%edge(i))
-      call expand_series(self%g, self%edge(i) + half, taylor)
+      call expand_series(self%g, self%edge(i) + half, max_degree, taylor)
       self%g_bernstein(:, i) = about_middle(taylor, half)
-      call expand_series(self%q, self%edge(i) + half, taylor)
+      call expand_series(self%q, self%edge(i) + half, max_degree, taylor)
       self%q_bernstein(:, i) = about_middle(taylor, half)
       self%g_rest(i) = self%g_bound*half**bound_order
       self%q_rest(i) = self%q_bound*half**bound_order
-      call expand_series(self%q, self%edge(i), taylor)
+      call expand_series(self%q, self%edge(i), max_degree, taylor)
       self%q_begin(:, i) = taylor(0:1)
-      call expand_series(self%q, self%edge(i + 1), taylor)
+      call expand_series(self%q, self%edge(i + 1), max_degree, taylor)
       self%q_end(:, i) = taylor(0:1)
+    end do
+    do i = 1, self%n + 1
+      call expand_series(self%g, self%edge(i), max_degree, self%g_taylor(:, i))
     end do
     self%particular = 0
     self%free_begin = 0

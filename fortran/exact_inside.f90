@@ -56,7 +56,7 @@ contains
           call curve_at(scene, curve, panel, finish, x, v)
           most = max(most, sign*x)
         else
-          call curve_taylor(scene, curve, panel, begin, c, rest)
+          call curve_taylor(scene, curve, panel, begin > 0, begin, c, rest)
           if (maxval(bernstein_on(sign*c, finish - begin)) &
               + rest*(finish - begin)**(max_degree + 1) > most) then
             call search(begin, finish)

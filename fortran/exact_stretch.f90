@@ -9,8 +9,10 @@ module lapwing_exact_stretch
   use lapwing_closed_form, only: locate_panel
   use lapwing_damped, only: free_motion
   use lapwing_first_meeting, only: target_t, first_meeting, quick_return
-  use lapwing_polynomial, only: max_degree, horner, horner_slope, bernstein, first_descent
-  use lapwing_smooth_curve, only: scene_t, curve_t, expand_launch, curve_at, free_state
+  use lapwing_polynomial, only: max_degree, horner, horner_slope, bernstein, bernstein_on, &
+      first_descent
+  use lapwing_smooth_curve, only: scene_t, curve_t, expand_launch, curve_at, free_state, &
+      fly_from
   implicit none
   private
   public :: end_t, flight_end, contact_end, bounce, least_width
@@ -192,8 +194,13 @@ contains
         from = to
         panel = panel + 1
       end do
-      call curve_at(scene, curve, panel, stop, at%x, at%v)
       at%s = stop
+      if (stop > curve%near .and. curve%t + stop >= form%edge(panel + 1)) then
+        call fly_from(scene, curve, stop, form%g_taylor(0, panel + 1), &
+            form%g_taylor(1, panel + 1), at%x, at%v)
+      else
+        call curve_at(scene, curve, panel, stop, at%x, at%v)
+      end if
     end associate
   end subroutine flight_over_series
 
@@ -226,23 +233,19 @@ contains
     real(wp), intent(in) :: bound              !! of what the series leaves out
     logical :: out(2)
     real(wp) :: b(0:max_degree), c(0:max_degree), rest
-    integer :: flank, k
-    do flank = drive_flank, coast_flank
-      c = curve%taylor(0:max_degree)
-      c(0) = c(0) - wall(flank)
-      if (flank == drive_flank) c = -c
-      rest = bound*to**(max_degree + 1)
-      if (flank == touching) then
-        ! It leaves this wall: without its zero there the distance is positive.
-        c = [c(1:max_degree), 0.0_wp]
-        rest = bound*to**max_degree
-      end if
-      do k = 1, max_degree
-        c(k) = c(k)*to**k
-      end do
-      b = bernstein(c)
-      out(flank) = minval(b) > rest
-    end do
+    c = curve%taylor(0:max_degree)
+    rest = bound*to**(max_degree + 1)
+    if (touching == no_flank) then
+      b = bernstein_on(c, to)
+      out = [maxval(b) + rest < wall(1), minval(b) - rest > wall(2)]
+    else
+      ! It leaves a wall: without its zero there the distance must stay positive.
+      c = [c(1:max_degree), 0.0_wp]
+      if (touching == drive_flank) c = -c
+      b = to*bernstein_on(c, to)
+      out(touching) = minval(b) > rest
+      out(3 - touching) = maxval(b) + rest < wall(1) - wall(2)
+    end if
   end function ruled_out
 
   !> First meeting, within a panel, with those walls that are not ruled out.
@@ -255,22 +258,20 @@ contains
     real(wp), intent(in) :: from, to           !! where to look
     logical, intent(in) :: out(2)              !! flanks that cannot be met
     type(end_t), intent(inout) :: at           !! the end, if there is one
-    real(wp) :: latest, s
+    real(wp) :: latest, s, x, v
     integer :: flank
     logical :: found
     latest = to
     at%flank = no_flank
     do flank = drive_flank, coast_flank
       if (out(flank)) cycle
-      call first_meeting(scene, curve, panel, target_t(sign=merge(-1.0_wp, 1.0_wp, &
+      call first_meeting(scene, curve, panel, from > 0, target_t(sign=merge(-1.0_wp, 1.0_wp, &
           flank == drive_flank), wall=wall(flank), touching=flank == touching), &
-          from, latest, found, s)
+          from, latest, found, s, x, v)
       if (.not. found) cycle
-      at%flank = flank
-      at%s = s
+      at = end_t(flank, s, x, v)
       latest = s
     end do
-    if (at%flank /= no_flank) call curve_at(scene, curve, panel, at%s, at%x, at%v)
   end subroutine look_closely
 
   !> End of a contact: release, or the stop.
@@ -284,7 +285,7 @@ contains
     type(target_t) :: goal
     integer :: panel
     logical :: found
-    real(wp) :: s
+    real(wp) :: s, x, v
     goal%sign = merge(1.0_wp, -1.0_wp, flank == drive_flank)
     goal%touching = touching
     panel = 0
@@ -292,7 +293,13 @@ contains
     if (.not. stays(scene, curve%moving, goal%sign, curve%free)) then
       call expand_launch(scene, curve)
       if (touching) call short_contact(curve, goal%sign, stop, found, s)
-      if (.not. found) call release(scene, curve, goal, stop, panel, found, s)
+      if (.not. found) then
+        call release(scene, curve, goal, stop, panel, found, s, x, v)
+        if (found) then
+          at = end_t(flank, s, x, v)
+          return
+        end if
+      end if
     end if
     at%s = stop
     if (found) then
@@ -335,7 +342,7 @@ contains
   end subroutine short_contact
 
   !> Release of a contact, panel by panel.
-  pure subroutine release(scene, curve, goal, stop, panel, found, s)
+  pure subroutine release(scene, curve, goal, stop, panel, found, s, x, v)
     type(scene_t), intent(in) :: scene         !! scene
     type(curve_t), intent(in) :: curve         !! stretch, its series known
     type(target_t), intent(in) :: goal         !! release
@@ -343,6 +350,7 @@ contains
     integer, intent(out) :: panel              !! panel of the end
     logical, intent(out) :: found              !! whether there is one
     real(wp), intent(out) :: s                 !! when
+    real(wp), intent(out) :: x, v              !! position and velocity then
     real(wp) :: from, to, d, e, state(2)
     type(target_t) :: here
     logical :: out
@@ -361,7 +369,8 @@ contains
           out = .false.
         end if
         found = .false.
-        if (.not. out) call first_meeting(scene, curve, panel, here, from, to, found, s)
+        if (.not. out) call first_meeting(scene, curve, panel, from > 0, here, &
+            from, to, found, s, x, v)
         if (found .or. to >= stop) return
         if (from > 0) state = matmul(form%d_matrix(:, :, panel), state)
         if (stays(scene, curve%moving, goal%sign, state)) then

@@ -8,7 +8,8 @@
 module lapwing_first_meeting
   use lapwing_kinds, only: wp
   use lapwing_closed_form, only: bound_order
-  use lapwing_polynomial, only: max_degree, first_zero, first_nonzero, lift_off, horner_slope
+  use lapwing_polynomial, only: max_degree, first_zero, first_nonzero, lift_off, horner, &
+      horner_slope
   use lapwing_smooth_curve, only: scene_t, curve_t, curve_at, curve_taylor, rest_after, &
       acceleration_at
   implicit none
@@ -35,28 +36,34 @@ module lapwing_first_meeting
 contains
 
   !> First zero of a target between two times of a panel.
-  pure subroutine first_meeting(scene, curve, panel, goal, from, to, found, s)
+  pure subroutine first_meeting(scene, curve, panel, from_edge, goal, from, to, found, s, &
+      x, v)
     type(scene_t), intent(in) :: scene         !! scene
     type(curve_t), intent(in) :: curve         !! stretch
     integer, intent(in) :: panel               !! panel that holds the times
+    logical, intent(in) :: from_edge           !! whether it begins at the first of them
     type(target_t), intent(in) :: goal         !! what is looked for
     real(wp), intent(in) :: from, to           !! times since the stretch began
     logical, intent(out) :: found              !! whether there is one
     real(wp), intent(out) :: s                 !! when
+    real(wp), intent(out) :: x, v              !! position and velocity then
     real(wp) :: f(0:max_degree), low(0:max_degree), at, width, rest, y
     integer :: i, times
     logical :: exact, hit
     found = .false.
     s = to
+    x = 0
+    v = 0
     at = from
     width = to - from
     do i = 1, max_searches
       width = min(width, to - at)
-      call expand_goal(scene, curve, panel, goal, at, f, rest)
+      call expand_goal(scene, curve, panel, from_edge .and. at <= from, goal, at, f, rest)
       call leave_zero(goal%touching .and. at <= from, f, times, hit)
       if (hit) then
         found = .true.
         s = at
+        call curve_at(scene, curve, panel, s, x, v)
         return
       end if
       rest = rest*width**(merge(bound_order - 1, bound_order, goal%turn) - times)
@@ -75,7 +82,7 @@ contains
         width = width/shrink
       else if (exact .or. is_isolated(f, y, rest, times, width)) then
         found = .true.
-        s = polished(scene, curve, panel, goal, at, at + y, to)
+        call polish(scene, curve, panel, goal, at, at + y, to, s, x, v)
         return
       else
         at = at + max(0.0_wp, y - rough*width)
@@ -100,34 +107,44 @@ contains
     if (goal%touching) v = acceleration_at(scene, curve, panel, from, x, v)
     goal%sign = sign(1.0_wp, v)
     goal%turn = .true.
-    call first_meeting(scene, curve, panel, goal, from, to, found, s)
+    call first_meeting(scene, curve, panel, .false., goal, from, to, found, s, x, v)
   end subroutine first_turn
 
   !> Taylor coefficients of the target, and the bound of what they leave out per power of time.
-  pure subroutine expand_goal(scene, curve, panel, goal, at, f, rest)
+  pure subroutine expand_goal(scene, curve, panel, at_edge, goal, at, f, rest)
     type(scene_t), intent(in) :: scene             !! scene
     type(curve_t), intent(in) :: curve             !! stretch
     integer, intent(in) :: panel                   !! panel
+    logical, intent(in) :: at_edge                 !! whether it begins at `at`
     type(target_t), intent(in) :: goal             !! what is looked for
     real(wp), intent(in) :: at                     !! time since the stretch began
     real(wp), intent(out) :: f(0:max_degree)       !! coefficients
     real(wp), intent(out) :: rest                  !! bound
     real(wp) :: c(0:max_degree)
-    integer :: k
     if (at <= 0 .and. curve%near >= 0) then
       c = curve%taylor(0:max_degree)
       rest = rest_after(scene, curve, panel, at, curve%x, curve%v)
     else
-      call curve_taylor(scene, curve, panel, at, c, rest)
+      call curve_taylor(scene, curve, panel, at_edge, at, c, rest)
     end if
+    call goal_of(goal, c, f, rest)
+  end subroutine expand_goal
+
+  !> The target's coefficients and bound from the motion's.
+  pure subroutine goal_of(goal, c, f, rest)
+    type(target_t), intent(in) :: goal             !! what is looked for
+    real(wp), intent(in) :: c(0:max_degree)        !! coefficients of the motion
+    real(wp), intent(out) :: f(0:max_degree)       !! and of the target
+    real(wp), intent(inout) :: rest                !! bound of what they leave out
+    integer :: k
     if (goal%turn) then
       f = [(goal%sign*k*c(k), k = 1, max_degree), 0.0_wp]
       rest = bound_order*rest
     else
-      c(0) = c(0) - goal%wall
       f = goal%sign*c
+      f(0) = goal%sign*(c(0) - goal%wall)
     end if
-  end subroutine expand_goal
+  end subroutine goal_of
 
   !> A target that is zero, or below by rounding, where the search begins: divide its zero out, or
   !> say that it is met at once because it falls.
@@ -178,6 +195,37 @@ contains
     is_isolated = bend*span + (bound_order + times)*rest/width <= 0.5_wp*slope &
         .and. y + span <= width
   end function is_isolated
+
+  !> A zero to the last bits, from a guess: the motion's Taylor polynomial about the guess is exact
+  !> so near to it. Where it is not, or leaves the bracket, Newton's method on the motion itself.
+  pure subroutine polish(scene, curve, panel, goal, least, guess, most, s, x, v)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch
+    integer, intent(in) :: panel               !! panel
+    type(target_t), intent(in) :: goal         !! what is looked for
+    real(wp), intent(in) :: least, guess, most !! bracket and guess
+    real(wp), intent(out) :: s                 !! the zero
+    real(wp), intent(out) :: x, v              !! position and velocity there
+    real(wp) :: f(0:max_degree), c(0:max_degree), rest, slope, step, move
+    integer :: i
+    call curve_taylor(scene, curve, panel, .false., guess, c, rest)
+    call goal_of(goal, c, f, rest)
+    move = 0
+    do i = 1, max_newton
+      slope = horner_slope(f, move)
+      if (slope >= 0) exit
+      step = -horner(f, move)/slope
+      move = move + step
+      if (abs(step) > epsilon(s)*(guess + abs(move))) cycle
+      s = guess + move
+      if (s < least .or. s > most .or. rest*abs(move)**max_degree > epsilon(s)*abs(slope)) exit
+      x = horner(c, move)
+      v = horner_slope(c, move)
+      return
+    end do
+    s = polished(scene, curve, panel, goal, least, guess, most)
+    call curve_at(scene, curve, panel, s, x, v)
+  end subroutine polish
 
   !> A zero to the last bits: Newton's method on the motion itself, not before `least`.
   pure real(wp) function polished(scene, curve, panel, goal, least, guess, most) result(s)

@@ -5,8 +5,10 @@ module lapwing_harmonic_series
   private
   public :: harmonic_series_t, harmonic_series, steady_response, series_at, expand_series
   public :: derivative_series, bound_derivative, top_order, fastest_rate
+  public :: turned_t, turn_series, turned_value, turned_taylor, max_terms
 
   integer, parameter :: top_order = 13   !! highest Taylor coefficient
+  integer, parameter :: max_terms = 8    !! terms that count as few
 
   !> x(t) = constant + sum_i cosine(i) cos(rate(i) t) + sine(i) sin(rate(i) t).
   type :: harmonic_series_t
@@ -16,6 +18,11 @@ module lapwing_harmonic_series
     real(wp), allocatable :: sine(:)        !! rad
     real(wp), allocatable :: weight(:, :)   !! (0:top_order, terms) signed rate**k/k!
   end type harmonic_series_t
+
+  !> Cosine and sine of each term at one time, for all series of the same rates.
+  type :: turned_t
+    real(wp) :: c(max_terms), s(max_terms)
+  end type turned_t
 
 contains
 
@@ -75,42 +82,71 @@ contains
     call weigh(derivative)
   end function derivative_series
 
+  !> Cosines and sines of the terms at a time.
+  pure subroutine turn_series(self, t, turned)
+    type(harmonic_series_t), intent(in) :: self   !! series
+    real(wp), intent(in) :: t                     !! time
+    type(turned_t), intent(out) :: turned         !! of each term
+    integer :: i
+    do i = 1, size(self%rate)
+      turned%c(i) = cos(self%rate(i)*t)
+      turned%s(i) = sin(self%rate(i)*t)
+    end do
+  end subroutine turn_series
+
+  !> Value and slope.
+  pure subroutine turned_value(self, turned, x, slope)
+    type(harmonic_series_t), intent(in) :: self   !! series
+    type(turned_t), intent(in) :: turned          !! its terms
+    real(wp), intent(out) :: x, slope             !! value, rate
+    integer :: i
+    x = self%constant
+    slope = 0
+    do i = 1, size(self%rate)
+      x = x + (self%cosine(i)*turned%c(i) + self%sine(i)*turned%s(i))
+      slope = slope + self%rate(i)*(self%sine(i)*turned%c(i) - self%cosine(i)*turned%s(i))
+    end do
+  end subroutine turned_value
+
+  !> Taylor coefficients.
+  pure subroutine turned_taylor(self, turned, n, taylor)
+    type(harmonic_series_t), intent(in) :: self   !! series
+    type(turned_t), intent(in) :: turned          !! its terms
+    integer, intent(in) :: n                      !! highest coefficient, odd
+    real(wp), intent(out) :: taylor(0:n)          !! coefficients, at most top_order
+    real(wp) :: even, odd
+    integer :: i, k
+    taylor = 0
+    do i = 1, size(self%rate)
+      even = self%cosine(i)*turned%c(i) + self%sine(i)*turned%s(i)
+      odd = self%sine(i)*turned%c(i) - self%cosine(i)*turned%s(i)
+      do k = 0, n - 1, 2
+        taylor(k) = taylor(k) + self%weight(k, i)*even
+        taylor(k + 1) = taylor(k + 1) + self%weight(k + 1, i)*odd
+      end do
+    end do
+    taylor(0) = taylor(0) + self%constant
+  end subroutine turned_taylor
+
   !> Value and slope.
   pure subroutine series_at(self, t, x, slope)
     type(harmonic_series_t), intent(in) :: self   !! series
     real(wp), intent(in) :: t                     !! time
     real(wp), intent(out) :: x, slope             !! value, rate
-    real(wp) :: c, s
-    integer :: i
-    x = self%constant
-    slope = 0
-    do i = 1, size(self%rate)
-      c = cos(self%rate(i)*t)
-      s = sin(self%rate(i)*t)
-      x = x + (self%cosine(i)*c + self%sine(i)*s)
-      slope = slope + self%rate(i)*(self%sine(i)*c - self%cosine(i)*s)
-    end do
+    type(turned_t) :: turned
+    call turn_series(self, t, turned)
+    call turned_value(self, turned, x, slope)
   end subroutine series_at
 
   !> Taylor coefficients about t.
-  pure subroutine expand_series(self, t, taylor)
+  pure subroutine expand_series(self, t, n, taylor)
     type(harmonic_series_t), intent(in) :: self   !! series
     real(wp), intent(in) :: t                     !! time
-    real(wp), intent(out) :: taylor(0:)           !! coefficients, at most top_order
-    real(wp) :: c, s, pair(0:1)
-    integer :: i, k
-    taylor = 0
-    do i = 1, size(self%rate)
-      c = cos(self%rate(i)*t)
-      s = sin(self%rate(i)*t)
-      pair(0) = self%cosine(i)*c + self%sine(i)*s
-      pair(1) = self%sine(i)*c - self%cosine(i)*s
-      do k = 0, ubound(taylor, 1) - 1, 2
-        taylor(k) = taylor(k) + self%weight(k, i)*pair(0)
-        taylor(k + 1) = taylor(k + 1) + self%weight(k + 1, i)*pair(1)
-      end do
-    end do
-    taylor(0) = taylor(0) + self%constant
+    integer, intent(in) :: n                      !! highest coefficient, odd
+    real(wp), intent(out) :: taylor(0:n)          !! coefficients, at most top_order
+    type(turned_t) :: turned
+    call turn_series(self, t, turned)
+    call turned_taylor(self, turned, n, taylor)
   end subroutine expand_series
 
   !> Bound of |k-th derivative|/k!, at all times.

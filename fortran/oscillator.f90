@@ -285,14 +285,33 @@ contains
     logical, intent(in) :: dense                   !! whether the rate at the end is wanted
     type(step_t), intent(inout) :: step            !! the result
     integer, parameter :: n = 2
-    include 'rk4_stages.inc'
+    real(wp) :: position(0:4), slope(0:4)
+    call find_flank(position, slope)
+    call take_stages()
   contains
-    subroutine rate_of_change(s, at, rate)
-      real(wp), intent(in) :: s         !! time since the frame was opened
+    !> The flank in contact at the five times that all stages share.
+    subroutine find_flank(x, rate)
+      real(wp), intent(out) :: x(0:4), rate(0:4)   !! position and velocity at quarters of the step
+      integer :: i
+      if (motion_state == separation) return
+      do i = 0, 4
+        call flank_in_frame(self, frame, motion_state, i*(0.25_wp*h), x(i), rate(i))
+      end do
+    end subroutine find_flank
+
+    subroutine take_stages()
+      include 'rk4_stages.inc'
+    end subroutine take_stages
+
+    subroutine rate_of_change(quarter, s, at, rate)
+      integer, intent(in) :: quarter    !! quarters of the step before s
+      real(wp), intent(in) :: s         !! time since the frame was opened: not needed here
       real(wp), intent(in) :: at(n)     !! local coordinates
       real(wp), intent(out) :: rate(n)  !! their rates
       rate(1) = at(2)
-      rate(2) = acceleration(self, frame, motion_state, s, at(1), at(2))
+      rate(2) = self%force
+      if (motion_state == separation) return
+      rate(2) = self%force - self%damping*(at(2) - slope(quarter)) - (at(1) - position(quarter))
     end subroutine rate_of_change
   end subroutine stages
 

@@ -81,7 +81,9 @@ contains
     type(instant_t), intent(in) :: before        !! where it began
     type(work_t), intent(inout) :: work          !! counts
     integer :: i
-    if (associated(self%samples)) call take_samples(self, system, segment, work)
+    if (associated(self%samples)) then
+      if (sample_is_near(self, segment)) call take_samples(self, system, segment, work)
+    end if
     if (self%want_grazes .and. (segment%stepped .or. segment%closed)) then
       call find_grazes(self, system, segment, huge(1.0_wp), work)
       self%sums%grazes_known_to = -1
@@ -104,7 +106,9 @@ contains
     type(segment_t), intent(in) :: segment       !! what happened
     real(wp), intent(in) :: until                !! time in the segment's cycle
     type(work_t), intent(inout) :: work          !! counts
-    if (associated(self%samples)) call take_samples(self, system, segment, work)
+    if (associated(self%samples)) then
+      if (sample_is_near(self, segment)) call take_samples(self, system, segment, work)
+    end if
     if (self%want_grazes .and. (segment%stepped .or. segment%closed) .and. until > segment%t) then
       call find_grazes(self, system, segment, until, work)
       self%sums%grazes_known_to = until
@@ -383,6 +387,15 @@ contains
     call log_line(self, event)
   end subroutine log_graze
 
+  !> Whether the next sample may fall in a segment.
+  pure logical function sample_is_near(self, segment)
+    type(recorder_t), intent(in) :: self
+    type(segment_t), intent(in) :: segment       !! what happened
+    sample_is_near = self%sums%next_sample <= size(self%samples, 2)
+    if (.not. sample_is_near) return
+    sample_is_near = self%sample_time(1, self%sums%next_sample) < segment%cycle + 0.5_wp
+  end function sample_is_near
+
   !> Samples of the history that fall in a segment.
   subroutine take_samples(self, system, segment, work)
     type(recorder_t), intent(inout) :: self
@@ -395,11 +408,12 @@ contains
     frame = segment%frame
     do while (self%sums%next_sample <= size(self%samples, 2))
       associate (time => self%sample_time(:, self%sums%next_sample))
-        if (nint(time(1)) /= segment%cycle) return
+        if (time(1) > segment%cycle + 0.5_wp) return
         s = time(2) - segment%t
         if (s >= segment%length .and. .not. segment%cycle_completed) return
       end associate
-      do while (s > frame%piece_end .and. frame%piece_end < segment%length)
+      do while (.not. segment%closed)
+        if (s <= frame%piece_end .or. frame%piece_end >= segment%length) exit
         call system%next_piece(frame)
       end do
       call instant_in_segment(system, segment, frame, s, instant)

@@ -8,13 +8,14 @@ module lapwing_smooth_curve
   use lapwing_kinds, only: wp
   use lapwing_closed_form, only: closed_form_t, locate_panel, free_size
   use lapwing_damped, only: free_motion
-  use lapwing_harmonic_series, only: series_at, expand_series, top_order
+  use lapwing_harmonic_series, only: turned_t, turn_series, turned_value, turned_taylor, &
+      series_at, expand_series, top_order
   use lapwing_polynomial, only: max_degree, horner, horner_slope, taylor_shift
   use lapwing_transmission_error, only: te_table_t
   implicit none
   private
   public :: curve_t, scene_t, launch, expand_launch, curve_at, curve_taylor, flank_taylor, rest_after
-  public :: acceleration_at, free_state
+  public :: acceleration_at, free_state, fly_from
 
   !> A Taylor series of order `top_order` is exact to rounding where rate*s is below this: the first
   !> term left out, (rate*s)**(top_order + 1)/(top_order + 1)!, against the second one,
@@ -40,6 +41,8 @@ module lapwing_smooth_curve
     real(wp) :: taylor(0:top_order)       !! of x about s = 0, once expanded
     real(wp) :: flank(2) = 0              !! g and g' at s = 0, in flight
     real(wp) :: free(2) = 0               !! d and d' at s = 0, in contact
+    logical :: is_turned = .false.        !! whether the series' terms at s = 0 are known
+    type(turned_t) :: turned              !! those
   end type curve_t
 
 contains
@@ -62,7 +65,13 @@ contains
     curve%v = v
     if (.not. contact) return
     q = 0
-    if (moving) q = response_at(scene, t)
+    if (moving .and. scene%form%harmonic) then
+      call turn_series(scene%form%g, t, curve%turned)
+      curve%is_turned = .true.
+      call turned_value(scene%form%q, curve%turned, q(1), q(2))
+    else if (moving) then
+      q = response_at(scene, t)
+    end if
     curve%free = [(x - scene%force) - q(1), v - q(2)]
   end subroutine launch
 
@@ -76,8 +85,6 @@ contains
       panel = locate_panel(form, t)
       if (t == form%edge(panel)) then
         q = form%q_begin(:, panel)
-      else if (form%harmonic) then
-        call series_at(form%q, t, q(1), q(2))
       else
         x = t - form%edge(panel)
         call free_motion(form%damping, x, d, e)
@@ -105,7 +112,12 @@ contains
     real(wp) :: g(0:top_order)
     if (.not. (curve%contact .or. scene%form%harmonic)) curve%degree = max_degree
     associate (n => curve%degree)
-      call flank_taylor(scene, curve%moving, curve%t, curve%piece, g(0:n))
+      if (scene%form%harmonic .and. curve%moving) then
+        if (.not. curve%is_turned) call turn_series(scene%form%g, curve%t, curve%turned)
+        call turned_taylor(scene%form%g, curve%turned, n, g(0:n))
+      else
+        call flank_taylor(scene, curve%moving, curve%t, curve%piece, g(0:n))
+      end if
       curve%flank = g(0:1)
       call motion_taylor(scene, curve%contact, curve%x, curve%v, g(0:n), curve%taylor(0:n))
     end associate
@@ -134,7 +146,7 @@ contains
     g = 0
     if (.not. moving) return
     if (scene%form%harmonic) then
-      call expand_series(scene%form%g, t, g)
+      call expand_series(scene%form%g, t, ubound(g, 1), g)
     else
       g(0:max_degree) = scene%table%coefficient(:, piece)
       if (t /= scene%table%knot(piece)) then
@@ -178,8 +190,7 @@ contains
       call contact_at(scene, curve, panel, s, x, v)
     else
       call flank_at(scene, panel, curve%t + s, g, slope)
-      x = curve%x + (curve%v + curve%flank(2))*s + 0.5_wp*scene%force*s**2 - (g - curve%flank(1))
-      v = (curve%v + curve%flank(2)) + scene%force*s - slope
+      call fly_from(scene, curve, s, g, slope, x, v)
     end if
   end subroutine curve_at
 
@@ -208,11 +219,8 @@ contains
     integer, intent(in) :: panel               !! panel that holds t + s
     real(wp), intent(in) :: s                  !! time since its beginning
     real(wp), intent(out) :: x, v              !! position and velocity
-    real(wp) :: d, e, q(2), state(2), at, xi
+    real(wp) :: d, e, q(2), at
     associate (form => scene%form)
-      xi = form%damping%xi
-      call free_motion(form%damping, s, d, e)
-      state = free_state(form, curve%free, d, e)
       q = 0
       if (curve%moving) then
         at = (curve%t + s) - form%edge(panel)
@@ -227,26 +235,73 @@ contains
           q(2) = q(2) + horner_slope(form%particular(:, panel), at)
         end if
       end if
-      x = scene%force + (q(1) + state(1))
-      v = q(2) + state(2)
+      call add_free_part(scene, curve, s, q, x, v)
     end associate
   end subroutine contact_at
 
   !> Taylor coefficients of the motion about s, and a bound of |x^(6)|/6! from there on: within the
-  !> panel, which holds t + s.
-  pure subroutine curve_taylor(scene, curve, panel, s, c, rest)
+  !> panel, which holds t + s, or begins there.
+  pure subroutine curve_taylor(scene, curve, panel, at_edge, s, c, rest)
     type(scene_t), intent(in) :: scene             !! scene
     type(curve_t), intent(in) :: curve             !! stretch
     integer, intent(in) :: panel                   !! panel
-    real(wp), intent(in) :: s                      !! time since its beginning
+    logical, intent(in) :: at_edge                 !! whether it begins at s
+    real(wp), intent(in) :: s                      !! time since the stretch began
     real(wp), intent(out) :: c(0:max_degree)       !! coefficients
     real(wp), intent(out) :: rest                  !! bound
-    real(wp) :: g(0:max_degree), x, v
-    call curve_at(scene, curve, panel, s, x, v)
-    call flank_taylor(scene, curve%moving, curve%t + s, scene%form%piece(panel), g)
+    real(wp) :: g(0:max_degree), q(2), x, v
+    type(turned_t) :: turned
+    if (.not. scene%form%harmonic .or. .not. curve%moving) then
+      call curve_at(scene, curve, panel, s, x, v)
+      call flank_taylor(scene, curve%moving, curve%t + s, scene%form%piece(panel), g)
+    else
+      ! The same sines serve g, its derivatives and q.
+      if (at_edge) then
+        g = scene%form%g_taylor(:, panel)
+        q = scene%form%q_begin(:, panel)
+      else
+        call turn_series(scene%form%g, curve%t + s, turned)
+        call turned_taylor(scene%form%g, turned, max_degree, g)
+        if (curve%contact) call turned_value(scene%form%q, turned, q(1), q(2))
+      end if
+      if (s <= curve%near) then
+        call curve_at(scene, curve, panel, s, x, v)
+      else if (curve%contact) then
+        call add_free_part(scene, curve, s, q, x, v)
+      else
+        call fly_from(scene, curve, s, g(0), g(1), x, v)
+      end if
+    end if
     call motion_taylor(scene, curve%contact, x, v, g, c)
     rest = rest_after(scene, curve, panel, s, x, v)
   end subroutine curve_taylor
+
+  !> Position and velocity in flight where the flank is known.
+  pure subroutine fly_from(scene, curve, s, g, slope, x, v)
+    type(scene_t), intent(in) :: scene             !! scene
+    type(curve_t), intent(in) :: curve             !! stretch
+    real(wp), intent(in) :: s                      !! time since it began
+    real(wp), intent(in) :: g, slope               !! flank's position and velocity
+    real(wp), intent(out) :: x, v                  !! position and velocity
+    real(wp) :: rate
+    rate = curve%v + curve%flank(2)
+    x = curve%x + (rate + 0.5_wp*scene%force*s)*s - (g - curve%flank(1))
+    v = rate + scene%force*s - slope
+  end subroutine fly_from
+
+  !> Position and velocity in contact where the response is known.
+  pure subroutine add_free_part(scene, curve, s, q, x, v)
+    type(scene_t), intent(in) :: scene             !! scene
+    type(curve_t), intent(in) :: curve             !! stretch
+    real(wp), intent(in) :: s                      !! time since it began
+    real(wp), intent(in) :: q(2)                   !! response and its rate
+    real(wp), intent(out) :: x, v                  !! position and velocity
+    real(wp) :: d, e, state(2)
+    call free_motion(scene%form%damping, s, d, e)
+    state = free_state(scene%form, curve%free, d, e)
+    x = scene%force + (q(1) + state(1))
+    v = q(2) + state(2)
+  end subroutine add_free_part
 
   !> Bound of |x^(6)|/6! from s to the end of the panel.
   pure real(wp) function rest_after(scene, curve, panel, s, x, v) result(rest)

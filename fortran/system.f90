@@ -261,7 +261,8 @@ contains
       include 'rk4_stages.inc'
     end subroutine take_stages
 
-    subroutine rate_of_change(s, at, rate)
+    subroutine rate_of_change(quarter, s, at, rate)
+      integer, intent(in) :: quarter     !! quarters of the step before s: not needed here
       real(wp), intent(in) :: s          !! time since the frame was opened
       real(wp), intent(in) :: at(:)      !! local coordinates
       real(wp), intent(out) :: rate(:)   !! their rates

@@ -181,7 +181,7 @@ PYTHON_LAYERS = [
     {"summary_sweep"},
     {"results", "summary"},
     {"plots"},
-    {"run", "progress"},
+    {"run", "progress", "bench"},
     {"cli"},
     {"__main__"},
 ]

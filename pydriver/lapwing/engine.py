@@ -7,6 +7,7 @@ run between two calls is one array (`blob`), and where a run is cut changes no b
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,6 +42,8 @@ METHODS = ("auto", "exact", "rk4")
 # Three of sixteen digits may be lost between response and free oscillation.
 MOST_AMPLIFIED = 1e3
 EXACT_CHATTER_TOL = 1e-13
+# A longer harmonic series is taken from its table (harmonic_series.f90, max_terms).
+MAX_TERMS = 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +107,7 @@ def _table_arguments(oscillators, method="rk4"):
     to the middle of its range, so that a large constant costs no digits.
     """
     te = oscillators[0].te
-    if method == "exact" and len(te.harmonics):  # the closed form takes the series itself
+    if method == "exact" and 0 < len(te.harmonics) <= MAX_TERMS:  # the closed form takes the series itself
         return (np.array([0.0, 1.0]), np.zeros((6, 1), order="F"), np.zeros(1, dtype=np.intc),
                 np.asfortranarray(te.harmonics.T))
     coefficients = np.asfortranarray(te.coefficients.T.copy())
@@ -245,12 +248,16 @@ def work_counts(array):
 
 @dataclass
 class SweepResult:
-    """Arrays of a sweep: outcome (points, 5 + work), cycles (points, record, 17), log rows."""
+    """Arrays of a sweep: outcome (points, 5 + work), cycles (points, record, 17), log rows.
+
+    `cpu_seconds` is the processor time spent inside the compiled engine.
+    """
 
     outcome: np.ndarray
     cycles: np.ndarray
     log: np.ndarray
     interrupted: bool = False
+    cpu_seconds: float = 0.0
 
 
 def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_room, threads,
@@ -291,11 +298,13 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
     outcome = np.full((5 + WORK_SIZE, n), np.nan, order="F")
     outcome[0] = Status.UNFINISHED
     choices = _choices(oscillators[0], numerics, method, wanted, settle, record)
-    interrupted = False
+    interrupted, cpu_seconds = False, 0.0
     try:
         while np.any(table[4] < LINE_DONE):
-            api.sweep(*table_arguments, reals, choices, table, starts,
-                      CALL_SECONDS, threads, blobs, cycles, log, outcome)
+            begun = time.process_time()
+            api.sweep(*table_arguments, reals, choices, table, starts, CALL_SECONDS, threads,
+                      blobs, cycles, log, outcome)
+            cpu_seconds += time.process_time() - begun
             if progress is not None:
                 progress(float(np.mean(outcome[0] != Status.UNFINISHED)))
     except KeyboardInterrupt:
@@ -304,7 +313,8 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
         interrupted = True
         cycles[:, :, outcome[0] == Status.UNFINISHED] = np.nan
         log[:, :, outcome[0] == Status.UNFINISHED] = np.nan
-    return SweepResult(outcome.T, cycles.transpose(2, 1, 0), log.transpose(2, 1, 0), interrupted)
+    return SweepResult(outcome.T, cycles.transpose(2, 1, 0), log.transpose(2, 1, 0), interrupted,
+                       cpu_seconds)
 
 
 def position(phase, cycles, period):

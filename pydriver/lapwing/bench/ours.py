@@ -1,0 +1,120 @@
+"""The engine as the benchmark runs it: many torques in one call, every event logged."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from lapwing import engine
+from lapwing.bench.outcome import Outcome
+from lapwing.codes import EventKind, Status
+from lapwing.engine import Numerics, Wanted
+
+# The engine waits for room in a full log for ever: far more than any scene lists in 50 cycles.
+AMPLE_ROOM = 20_000
+# Rows a log must have to spare for what one more stretch may bring.
+SPARE_ROOM = 128
+# A call shorter than this, in seconds, is made of several copies of the torque.
+LEAST_CALL = 2e-3
+MOST_COPIES = 64
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A method of the engine at a tolerance.
+
+    Parameters
+    ----------
+    method : 'rk4' or 'exact'
+    tolerance : float; `rtol` of rk4; exact knows none, its number only says when to stop comparing
+    """
+
+    method: str
+    tolerance: float
+
+    @property
+    def name(self):
+        """As the report prints it."""
+        return self.method
+
+    @property
+    def sees_table(self):
+        """Whether a harmonic series is seen through the table that stands for it."""
+        return self.method == "rk4"
+
+    @property
+    def numerics(self):
+        """The engine's own form."""
+        return Numerics(method=self.method, **(
+            {"rtol": self.tolerance} if self.method == "rk4" else {}))
+
+
+def run(oscillators, setting, cycles, *, room=AMPLE_ROOM, threads=1):
+    """Every oscillator from rest at phase 0; the engine's `SweepResult`."""
+    n = len(oscillators)
+    return engine.sweep(
+        oscillators, [(i, i, False) for i in range(n)], [(engine.REST, 0.0, 0.0, 0.0)] * n,
+        numerics=setting.numerics, wanted=Wanted(events=True, impacts=True), settle=0,
+        record=cycles, log_room=room, threads=threads)
+
+
+def outcomes(result, oscillators):
+    """One `Outcome` for each oscillator of a sweep."""
+    found = []
+    for osc, log, end in zip(oscillators, result.log, result.outcome, strict=True):
+        rows = log[:int(end[1])]
+        rows = rows[rows[:, 0] != EventKind.KINK]
+        status = Status(int(end[0]))
+        found.append(Outcome(
+            rows[:, 0].astype(int), rows[:, 1] + rows[:, 2] / osc.period, rows[:, 5],
+            (int(end[2]), float(end[3]), float(end[4])),
+            "" if status == Status.OK else status.name.lower()))
+    return found
+
+
+def cpu_times(oscillators, setting, cycles, *, room, repeats):
+    """Processor time of each torque inside the engine, s: median of repeats.
+
+    One call runs all torques; how its time divides among them is told by calls of one torque
+    each. Calls too short to be measured are made of several copies.
+
+    Returns
+    -------
+    array (n,)
+    """
+    def median(points):
+        return np.median([run(points, setting, cycles, room=room).cpu_seconds
+                          for _ in range(repeats)])
+
+    n = len(oscillators)
+    once = run(oscillators, setting, cycles, room=room).cpu_seconds
+    copies = int(np.clip(np.ceil(LEAST_CALL / max(once, 1e-9)), 1, MOST_COPIES))
+    whole = median(oscillators * copies) / copies
+    copies = int(np.clip(np.ceil(LEAST_CALL * n / max(whole, 1e-9)), 1, MOST_COPIES))
+    shares = np.array([median([osc] * copies) for osc in oscillators])
+    return whole * shares / shares.sum()
+
+
+def scaling(oscillators, setting, cycles, *, room, repeats, threads=2):
+    """Throughput with several threads over that with one, by the clock; best of repeats.
+
+    Returns
+    -------
+    ratio : float
+    identical : bool, whether both gave the same bytes
+    """
+    many = oscillators * 4
+    clocks, results = {}, {}
+    for count in (1, threads):
+        best = np.inf
+        for _ in range(repeats):
+            begun = time.perf_counter()
+            results[count] = run(many, setting, cycles, room=room, threads=count)
+            best = min(best, time.perf_counter() - begun)
+        clocks[count] = best
+    one, more = results[1], results[threads]
+    identical = (one.outcome.tobytes() == more.outcome.tobytes()
+                 and one.log.tobytes() == more.log.tobytes())
+    return clocks[1] / clocks[threads], identical

@@ -1,0 +1,77 @@
+"""The command as a user gives it, at tiny settings."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from lapwing.bench import measure, rivals, store
+from lapwing.cli import app
+
+RUN = ["bench", "--scene", "S4", "--method", "rk4", "--method", "SciPy DOP853"]
+
+
+@pytest.fixture(scope="module")
+def outcome(tmp_path_factory):
+    """Result of one small run with a page, and its folder."""
+    folder = tmp_path_factory.mktemp("bench")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(measure, "QUICK", measure.Plan(
+            torques=3, slow_torques=1, slow_short_torques=2, tolerances=4, repeats=1))
+        patch.setattr(rivals, "version", lambda package: None if package == "heyoka" else "1.0")
+        result = CliRunner().invoke(app, [*RUN, "--out", str(folder), "--page",
+                                          str(folder / "docs" / "page.md")])
+    return result, folder
+
+
+def test_everything_is_written(outcome):
+    result, folder = outcome
+    assert result.exit_code == 0, result.output
+    for name in ("bench.nc", "work_precision.png", "work_precision.pdf", "docs/page.md",
+                 "docs/images/work_precision.png"):
+        assert (folder / name).stat().st_size > 0
+        assert str(folder / name) in result.output.replace("\n", "")
+
+
+def test_numbers_are_stored(outcome):
+    datasets, attributes = store.read(outcome[1] / "bench.nc")
+    assert list(datasets) == ["S4"] and attributes["command"].startswith("lapwing bench")
+    data = datasets["S4"]
+    assert data["torque"].values.tolist()[::2] == [0.5, 14.0]
+    assert list(data["method"].values) == ["rk4"] * 3 + ["SciPy DOP853"] * 2
+    own = data["method"].values == "rk4"
+    # Three cycles at the method's own tolerances: far below 1e-3 mesh periods at the tightest.
+    errors = data["error"].values[own][:, :, 0]
+    assert np.all(np.isfinite(errors)) and np.all(errors[-1] < 1e-9)
+    assert np.all(data["microseconds"].values[own] > 0)
+    assert data["identical_bytes"].values[own].max() == 1
+    ran = ~np.isnan(data["error"].values[~own][:, :, 0])
+    assert ran.sum(axis=1).tolist() == [2, 2]
+
+
+def test_the_terminal_and_the_page_show_the_tables(outcome):
+    result, folder = outcome
+    page = (folder / "docs" / "page.md").read_text(encoding="utf-8")
+    for text in (result.output, page):
+        for word in ("Ratios", "Cost at equal error", "SciPy DOP853", "rk4"):
+            assert word in text
+    assert "heyoka: not installed" in result.output
+    assert "Not installed: heyoka" in page and "images/work_precision.png" in page
+    assert "{" not in page
+
+
+def test_stored_numbers_are_reported_without_measuring(outcome, tmp_path, monkeypatch):
+    monkeypatch.setattr(measure, "measure", None)
+    result = CliRunner().invoke(app, ["bench", "--from", str(outcome[1] / "bench.nc"), "--out",
+                                      str(tmp_path)])
+    assert result.exit_code == 0 and (tmp_path / "work_precision.png").exists()
+
+
+def test_unknown_names_are_refused_all_at_once():
+    result = CliRunner().invoke(app, ["bench", "--scene", "S9", "--method", "magic"])
+    assert result.exit_code == 2
+    assert "scene 'S9'" in result.output and "method 'magic'" in result.output
+
+
+def test_a_missing_result_file_is_bad_input(tmp_path):
+    result = CliRunner().invoke(app, ["bench", "--from", str(tmp_path / "none.nc")])
+    assert result.exit_code == 2 and "none.nc" in result.output

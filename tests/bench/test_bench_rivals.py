@@ -1,0 +1,48 @@
+"""Each rival that is installed gets the motion right; what is not installed is said to be so."""
+
+import numpy as np
+import pytest
+
+from lapwing.bench import rivals
+from lapwing.bench.judge import judge
+from lapwing.bench.problem import problem
+from lapwing.bench.reference import load, variant
+from lapwing.bench.rivals import RIVALS
+from lapwing.bench.scenes import SCENES, SHORT
+
+# Tight enough for every one of them to be far better than the error allowed below.
+TIGHT = {rival.name: rival.tolerances[-1] for rival in RIVALS}
+# A wrong event, law or sign costs 1e-2 mesh periods and more.
+ALLOWED = 1e-5
+CASES = [("S2", 60), ("S3b", 0), ("S3b", 30), ("S4", 20), ("A", 0), ("A", 20)]
+
+
+@pytest.mark.parametrize("rival", [pytest.param(rival, id=rival.name, marks=pytest.mark.skipif(
+    not rival.installed, reason=f"{rival.package} is not installed")) for rival in RIVALS])
+@pytest.mark.parametrize(("name", "index"), CASES)
+def test_a_rival_is_right(rival, name, index):
+    scene = SCENES[name]
+    reference = load(name, variant(scene, rule=True, table=False))[scene.torques[index]]
+    given = problem(scene.oscillators[index])
+    outcome = rival.follower(scene, TIGHT[rival.name])(given, SHORT).outcome()
+    found = judge(outcome, reference, given, SHORT, TIGHT[rival.name])
+    assert outcome.failure == ""
+    assert found.compared == np.count_nonzero(
+        reference.events["time"] < reference.listed_until[SHORT])
+    assert found.error < ALLOWED
+
+
+def test_scipy_converges():
+    """A thousandth of the tolerance: an error less than a tenth."""
+    scene, errors = SCENES["S3b"], []
+    reference, given = load("S3b", "series_rule")[scene.torques[0]], problem(scene.oscillators[0])
+    rival = next(rival for rival in RIVALS if rival.name == "SciPy DOP853")
+    for tolerance in (1e-5, 1e-8, 1e-11):
+        outcome = rival.follower(scene, tolerance)(given, SHORT).outcome()
+        errors.append(judge(outcome, reference, given, SHORT, tolerance).event_error)
+    assert errors[2] < errors[1] / 10 < errors[0] / 100
+
+
+def test_a_missing_package_is_no_error():
+    absent = rivals.Rival("nothing", "scipy_events", "no-such-package-at-all", (1e-6,), True)
+    assert absent.installed is None
