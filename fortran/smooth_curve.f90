@@ -110,37 +110,7 @@ contains
     real(wp) :: state(2)
     state(1) = d*begin(1) + e*(begin(2) + form%damping%xi*begin(1))
     state(2) = d*begin(2) - e*(begin(1) + form%damping%xi*begin(2))
-    ! Without damping d**2 + e**2 is one but for rounding, which in cycles that are all alike would
-    ! add up to a trend of the energy.
-    if (.not. form%damping%xi > 0) state = state*(1 + 0.5_wp*turn_defect(d, e))
   end function free_state
-
-  !> 1 - d**2 - e**2 of a rounded cosine and sine, to full precision: squares in two parts (Dekker,
-  !> Numer. Math. 18 (1971) 224-242).
-  pure real(wp) function turn_defect(d, e)
-    real(wp), intent(in) :: d, e               !! cosine and sine
-    real(wp) :: large, small
-    real(wp) :: square(2), rest(2)
-    call two_square(d, square(1), rest(1))
-    call two_square(e, square(2), rest(2))
-    large = max(square(1), square(2))
-    small = min(square(1), square(2))
-    ! 1 - large is exact, large being between 1/2 and 1.
-    turn_defect = ((1 - large) - small) - (rest(1) + rest(2))
-  end function turn_defect
-
-  !> A square as the rounded one and what it lacks.
-  pure subroutine two_square(a, square, rest)
-    real(wp), intent(in) :: a                  !! number
-    real(wp), intent(out) :: square, rest      !! a**2 = square + rest
-    real(wp), parameter :: half = 2.0_wp**((digits(1.0_wp) + 1)/2) + 1
-    real(wp) :: high, low
-    high = half*a
-    high = high - (high - a)
-    low = a - high
-    square = a*a
-    rest = ((high*high - square) + 2*high*low) + low*low
-  end subroutine two_square
 
   !> The Taylor series of a stretch about its beginning, and how far it reaches.
   pure subroutine expand_launch(scene, curve)
