@@ -94,7 +94,11 @@ contains
           found = found .or. exact
           if (found) return
         end if
-        at = at + max(0.0_wp, y - rough*width)
+        ! Up to the guess, less its error, there is no zero; the sign there makes sure.
+        y = y - 2*rough*width
+        if (y > 0) then
+          if (horner(low, y) > 0) at = at + y
+        end if
         width = shrink*width
       end if
     end do
