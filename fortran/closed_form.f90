@@ -10,18 +10,21 @@
 !> five, less a bound of what it leaves out, are a rigorous bound of the function.
 module lapwing_closed_form
   use lapwing_kinds, only: wp
-  use lapwing_damped, only: damped_t, damped, free_matrix
+  use lapwing_damped, only: damped_t, damped, free_matrix, n_taylor
   use lapwing_harmonic_series, only: harmonic_series_t, steady_response, expand_series, &
       bound_derivative, fastest_rate
   use lapwing_polynomial, only: max_degree, horner, horner_slope, taylor_shift, bernstein_on
   use lapwing_transmission_error, only: te_table_t
   implicit none
   private
-  public :: closed_form_t, closed_form, locate_panel, free_size, bound_order
+  public :: closed_form_t, closed_form, locate_panel, free_size, bound_order, reach
 
   !> A panel in contact lasts at most this, so that the remainder of a free oscillation of size E
   !> is (0.75)**6/720 E = 2.5e-4 E; a harmonic of rate r has panels of this over r in flight.
   real(wp), parameter :: panel_span = 1.5_wp
+  !> A Taylor series of order 13 is exact to rounding where rate*s is below this: the first term left
+  !> out, (rate*s)**14/14!, against the second one, (rate*s)**2/2.
+  real(wp), parameter :: reach = (epsilon(1.0_wp)*43589145600.0_wp)**(1.0_wp/12)
   !> Order of the first derivative that bounds leave out.
   integer, parameter :: bound_order = max_degree + 1
   integer, parameter :: cubic = max_degree - 2   !! degree of g''
@@ -43,8 +46,12 @@ module lapwing_closed_form
     integer, allocatable :: look_up(:)             !! panel that holds a point of an even grid
     real(wp), allocatable :: q_begin(:, :)         !! (2, n) q and q' at its beginning
     real(wp), allocatable :: q_end(:, :)           !! (2, n) and end, before any jump there
+    ! q of a table: its Taylor series where the panel is short, else a polynomial and a free part.
+    logical, allocatable :: short(:)               !! (n) which
+    real(wp), allocatable :: q_taylor(:, :)        !! (0:13, n)
     real(wp), allocatable :: free_begin(:, :)      !! (2, n) free part of q at its beginning
     real(wp), allocatable :: particular(:, :)      !! (0:3, n) polynomial part of q
+    real(wp), allocatable :: q_sixth(:)            !! (n) bound of |q^(6)|/6!
     real(wp), allocatable :: q_bernstein(:, :)     !! (0:5, n) of q
     real(wp), allocatable :: q_rest(:)             !! (n) and what they leave out
     real(wp), allocatable :: g_bernstein(:, :)     !! (0:5, n) of g, with a series
@@ -173,8 +180,7 @@ contains
     do i = 1, self%n + 1
       call expand_series(self%g, self%edge(i), max_degree, self%g_taylor(:, i))
     end do
-    self%particular = 0
-    self%free_begin = 0
+    self%q_sixth = self%q_bound
     self%g_low = minval(minval(self%g_bernstein, 1) - self%g_rest)
     self%g_high = maxval(maxval(self%g_bernstein, 1) + self%g_rest)
   end subroutine sample_series
@@ -182,7 +188,12 @@ contains
   pure subroutine allocate_response(self)
     type(closed_form_t), intent(inout) :: self   !! its arrays are allocated
     allocate (self%q_begin(2, self%n), self%q_end(2, self%n), self%free_begin(2, self%n))
-    allocate (self%particular(0:cubic, self%n))
+    allocate (self%particular(0:cubic, self%n), self%q_taylor(0:n_taylor, self%n))
+    allocate (self%short(self%n), self%q_sixth(self%n))
+    self%short = .false.
+    self%q_taylor = 0
+    self%particular = 0
+    self%free_begin = 0
     allocate (self%q_bernstein(0:max_degree, self%n), self%q_rest(self%n))
   end subroutine allocate_response
 
@@ -205,8 +216,14 @@ contains
     integer :: i
     call allocate_response(self)
     do i = 1, self%n
-      self%particular(:, i) = particular_solution(self%damping%xi, table, self%piece(i), &
-          self%edge(i) - table%knot(self%piece(i)))
+      self%short(i) = (self%edge(i + 1) - self%edge(i))*self%fastest <= reach
+      if (self%short(i)) then
+        self%q_taylor(:, i) = forced_taylor(self%damping%xi, table, self%piece(i), &
+            self%edge(i) - table%knot(self%piece(i)))
+      else
+        self%particular(:, i) = particular_solution(self%damping%xi, table, self%piece(i), &
+            self%edge(i) - table%knot(self%piece(i)))
+      end if
     end do
     state = 0
     matrix = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 2])
@@ -220,8 +237,13 @@ contains
     begin = fixed_point(matrix, state)
     do i = 1, self%n
       self%q_begin(:, i) = begin
-      self%free_begin(:, i) = begin - self%particular(0:1, i)
       self%q_end(:, i) = over_panel(self, i, begin)
+      if (self%short(i)) then
+        self%q_taylor(:, i) = self%q_taylor(:, i) + self%damping%row(1, :)*begin(1) &
+            + self%damping%row(2, :)*begin(2)
+      else
+        self%free_begin(:, i) = begin - self%particular(0:1, i)
+      end if
       begin = self%q_end(:, i)
       if (i < self%n) begin(2) = begin(2) - jump_after(self, table, i)
     end do
@@ -244,6 +266,24 @@ contains
     p = padded(:cubic)
   end function particular_solution
 
+  !> Taylor series about x after a piece's beginning of the response that begins at rest there. On a
+  !> short panel it loses nothing, where polynomial and free part would all but cancel.
+  pure function forced_taylor(xi, table, piece, x) result(c)
+    real(wp), intent(in) :: xi                 !! damping ratio
+    type(te_table_t), intent(in) :: table      !! g as a table
+    integer, intent(in) :: piece               !! piece
+    real(wp), intent(in) :: x                  !! origin
+    real(wp) :: c(0:n_taylor), g(0:max_degree)
+    integer :: k
+    g = table%coefficient(:, piece)
+    if (x > 0) call taylor_shift(g, x)
+    c = 0
+    do k = 2, n_taylor
+      c(k) = -(2*xi*(k - 1)*c(k - 1) + c(k - 2))/real(k*(k - 1), wp)
+      if (k <= max_degree) c(k) = c(k) - g(k)
+    end do
+  end function forced_taylor
+
   !> Response (x, x') at the end of a panel from that at its beginning.
   pure function over_panel(self, i, begin) result(finish)
     type(closed_form_t), intent(in) :: self    !! scene
@@ -251,6 +291,12 @@ contains
     real(wp), intent(in) :: begin(2)           !! x, x'
     real(wp) :: finish(2), width
     width = self%edge(i + 1) - self%edge(i)
+    if (self%short(i)) then
+      finish = matmul(free_matrix(self%damping, width), begin)
+      finish(1) = finish(1) + horner(self%q_taylor(:, i), width)
+      finish(2) = finish(2) + horner_slope(self%q_taylor(:, i), width)
+      return
+    end if
     finish = matmul(free_matrix(self%damping, width), begin - self%particular(0:1, i))
     finish(1) = finish(1) + horner(self%particular(:, i), width)
     finish(2) = finish(2) + horner_slope(self%particular(:, i), width)
@@ -313,14 +359,35 @@ contains
     integer :: i
     do i = 1, self%n
       width = self%edge(i + 1) - self%edge(i)
-      p = 0
-      p(0:cubic) = self%particular(:, i)
-      self%q_bernstein(:, i) = bernstein_on(p, width) &
-          + self%d_bernstein(:, 1, i)*self%free_begin(1, i) &
-          + self%d_bernstein(:, 2, i)*self%free_begin(2, i)
-      self%q_rest(i) = self%d_rest(i)*free_size(self%free_begin(:, i))
+      if (self%short(i)) then
+        self%q_sixth(i) = sixth_of(self%q_taylor(:, i), width)
+        self%q_bernstein(:, i) = bernstein_on(self%q_taylor(:max_degree, i), width)
+        self%q_rest(i) = self%q_sixth(i)*width**bound_order
+      else
+        p = 0
+        p(0:cubic) = self%particular(:, i)
+        self%q_sixth(i) = self%free_bound*free_size(self%free_begin(:, i))
+        self%q_bernstein(:, i) = bernstein_on(p, width) &
+            + self%d_bernstein(:, 1, i)*self%free_begin(1, i) &
+            + self%d_bernstein(:, 2, i)*self%free_begin(2, i)
+        self%q_rest(i) = self%d_rest(i)*free_size(self%free_begin(:, i))
+      end if
     end do
   end subroutine bound_table_response
+
+  !> Bound of the sixth derivative over 6! of a polynomial on [0, width].
+  pure real(wp) function sixth_of(c, width)
+    real(wp), intent(in) :: c(0:n_taylor)      !! coefficients
+    real(wp), intent(in) :: width              !! interval
+    real(wp) :: choose
+    integer :: k
+    sixth_of = 0
+    choose = 1
+    do k = bound_order, n_taylor
+      sixth_of = sixth_of + choose*abs(c(k))*width**(k - bound_order)
+      choose = choose*(k + 1)/real(k + 1 - bound_order, wp)
+    end do
+  end function sixth_of
 
   !> Size of a free oscillation, from above.
   pure real(wp) function free_size(d)

@@ -6,13 +6,13 @@
 module lapwing_exact_stretch
   use lapwing_kinds, only: wp
   use lapwing_codes, only: no_flank, drive_flank, coast_flank
-  use lapwing_closed_form, only: locate_panel
+  use lapwing_closed_form, only: locate_panel, reach
   use lapwing_damped, only: free_motion
   use lapwing_first_meeting, only: target_t, first_meeting, quick_return
   use lapwing_polynomial, only: max_degree, horner, horner_slope, bernstein, bernstein_on, &
       first_descent
-  use lapwing_smooth_curve, only: scene_t, curve_t, expand_launch, curve_at, free_state, &
-      fly_from
+  use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_launch, curve_at, &
+      free_state, fly_from
   implicit none
   private
   public :: end_t, flight_end, contact_end, bounce, least_width
@@ -277,7 +277,7 @@ contains
   !> End of a contact: release, or the stop.
   pure subroutine contact_end(scene, curve, flank, touching, stop, at)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(inout) :: curve      !! stretch
+    type(curve_t), intent(inout) :: curve      !! stretch; told from a later knot where that is near
     integer, intent(in) :: flank               !! flank in contact
     logical, intent(in) :: touching            !! whether it begins at zero and goes in
     real(wp), intent(in) :: stop               !! latest end
@@ -285,30 +285,70 @@ contains
     type(target_t) :: goal
     integer :: panel
     logical :: found
-    real(wp) :: s, x, v
+    real(wp) :: s, elapsed
     goal%sign = merge(1.0_wp, -1.0_wp, flank == drive_flank)
     goal%touching = touching
     panel = 0
+    elapsed = 0
     found = .false.
     if (.not. stays(scene, curve%moving, goal%sign, curve%free)) then
       call expand_launch(scene, curve)
       if (touching) call short_contact(curve, goal%sign, stop, found, s)
+      if (found) then
+        panel = locate_panel(scene%form, curve%t)
+        call curve_at(scene, curve, panel, s, at%x, at%v)
+      else
+        call cross_near_knots(scene, goal, stop, curve, elapsed, found, s, at%x, at%v)
+      end if
       if (.not. found) then
-        call release(scene, curve, goal, stop, panel, found, s, x, v)
-        if (found) then
-          at = end_t(flank, s, x, v)
-          return
-        end if
+        call release(scene, curve, goal, stop - elapsed, panel, found, s, at%x, at%v)
       end if
     end if
-    at%s = stop
     if (found) then
       at%flank = flank
-      at%s = s
+      at%s = elapsed + s
+    else
+      at%s = stop
+      s = stop - elapsed
+      if (panel == 0) panel = last_panel(scene, curve%t + s)
+      call curve_at(scene, curve, panel, s, at%x, at%v)
     end if
-    if (panel == 0) panel = last_panel(scene, curve%t + at%s)
-    call curve_at(scene, curve, panel, at%s, at%x, at%v)
   end subroutine contact_end
+
+  !> A contact that begins just before a knot of a table goes on from there with a series of its own,
+  !> so that it keeps its relative precision while it is small.
+  pure subroutine cross_near_knots(scene, goal, stop, curve, elapsed, found, s, x, v)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(target_t), intent(inout) :: goal      !! release
+    real(wp), intent(in) :: stop               !! latest end
+    type(curve_t), intent(inout) :: curve      !! stretch, told from the last knot crossed
+    real(wp), intent(out) :: elapsed           !! time until that
+    logical, intent(out) :: found              !! whether the release comes before it
+    real(wp), intent(out) :: s                 !! when, after `elapsed`
+    real(wp), intent(out) :: x, v              !! position and velocity then
+    real(wp) :: knot
+    integer :: piece
+    elapsed = 0
+    found = .false.
+    s = 0
+    x = 0
+    v = 0
+    if (scene%form%harmonic .or. .not. curve%moving) return
+    do
+      piece = curve%piece + 1
+      knot = scene%table%knot(piece) - curve%t
+      if (elapsed + knot >= reach/scene%form%fastest .or. knot >= stop - elapsed) return
+      call first_meeting(scene, curve, locate_panel(scene%form, curve%t), .false., goal, 0.0_wp, &
+          knot, found, s, x, v)
+      if (found) return
+      x = horner(curve%taylor, knot)
+      v = horner_slope(curve%taylor, knot) - scene%table%slope_jump(piece)
+      elapsed = elapsed + knot
+      goal%touching = .false.
+      call launch(scene, .true., .true., scene%table%knot(piece), piece, x, v, curve)
+      call expand_launch(scene, curve)
+    end do
+  end subroutine cross_near_knots
 
   !> Panel that holds t, or ends there as far as time can tell.
   pure integer function last_panel(scene, t) result(panel)

@@ -32,6 +32,9 @@ module lapwing_first_meeting
   integer, parameter :: max_newton = 12
   !> Of a zero that is only a guess, over the time searched; it is found early rather than late.
   real(wp), parameter :: rough = 1.0e-4_wp
+  !> A return to a position just left is polished only if it is that many such errors away: what is
+  !> polished has a zero at the launch, too, and turns half-way.
+  real(wp), parameter :: well_apart = 32
 
 contains
 
@@ -80,12 +83,22 @@ contains
         at = at + width
         if (at >= to) return
         width = width/shrink
-      else if (exact .or. is_isolated(f, y, rest, times, width)) then
-        found = .true.
-        call polish(scene, curve, panel, goal, at, at + y, to, s, x, v)
-        return
       else
-        at = at + max(0.0_wp, y - rough*width)
+        found = exact
+        if (.not. exact .and. (times == 0 .or. y > well_apart*rough*width)) then
+          found = is_isolated(f, y, rest, times, width)
+        end if
+        if (found) then
+          ! Exact, it is the polynomial's own zero, and stays that where polishing is no use.
+          call polish(scene, curve, panel, goal, at, at + y, to, found, s, x, v)
+          found = found .or. exact
+          if (found) return
+        end if
+        ! Up to the guess, less its error, there is no zero; the sign there makes sure.
+        y = y - 2*rough*width
+        if (y > 0) then
+          if (horner(low, y) > 0) at = at + y
+        end if
         width = shrink*width
       end if
     end do
@@ -123,7 +136,7 @@ contains
     real(wp) :: c(0:max_degree)
     if (at <= 0 .and. curve%near >= 0) then
       c = curve%taylor(0:max_degree)
-      rest = rest_after(scene, curve, panel, at, curve%x, curve%v)
+      rest = rest_after(scene, curve, panel)
     else
       call curve_taylor(scene, curve, panel, at_edge, at, c, rest)
     end if
@@ -196,69 +209,40 @@ contains
         .and. y + span <= width
   end function is_isolated
 
-  !> A zero to the last bits, from a guess: the motion's Taylor polynomial about the guess is exact
-  !> so near to it. Where it is not, or leaves the bracket, Newton's method on the motion itself.
-  pure subroutine polish(scene, curve, panel, goal, least, guess, most, s, x, v)
+  !> A zero to the last bits from a guess near to it: the motion's Taylor polynomial about the guess
+  !> is exact so near. `polished` tells whether it was near enough, and within the bracket.
+  pure subroutine polish(scene, curve, panel, goal, least, guess, most, polished, s, x, v)
     type(scene_t), intent(in) :: scene         !! scene
     type(curve_t), intent(in) :: curve         !! stretch
     integer, intent(in) :: panel               !! panel
     type(target_t), intent(in) :: goal         !! what is looked for
     real(wp), intent(in) :: least, guess, most !! bracket and guess
-    real(wp), intent(out) :: s                 !! the zero
+    logical, intent(out) :: polished           !! whether it is found
+    real(wp), intent(out) :: s                 !! the zero, or the guess
     real(wp), intent(out) :: x, v              !! position and velocity there
     real(wp) :: f(0:max_degree), c(0:max_degree), rest, slope, step, move
     integer :: i
     call curve_taylor(scene, curve, panel, .false., guess, c, rest)
     call goal_of(goal, c, f, rest)
+    polished = .false.
+    s = guess
+    x = c(0)
+    v = c(1)
     move = 0
     do i = 1, max_newton
       slope = horner_slope(f, move)
-      if (slope >= 0) exit
+      if (slope >= 0) return
       step = -horner(f, move)/slope
       move = move + step
-      if (abs(step) > epsilon(s)*(guess + abs(move))) cycle
-      s = guess + move
-      if (s < least .or. s > most .or. rest*abs(move)**max_degree > epsilon(s)*abs(slope)) exit
-      x = horner(c, move)
-      v = horner_slope(c, move)
-      return
+      if (abs(step) <= epsilon(s)*(guess + abs(move))) exit
     end do
-    s = polished(scene, curve, panel, goal, least, guess, most)
-    call curve_at(scene, curve, panel, s, x, v)
+    if (guess + move < least .or. guess + move > most &
+        .or. rest*abs(move)**max_degree > epsilon(s)*abs(slope)) return
+    polished = .true.
+    s = guess + move
+    x = horner(c, move)
+    v = horner_slope(c, move)
   end subroutine polish
-
-  !> A zero to the last bits: Newton's method on the motion itself, not before `least`.
-  pure real(wp) function polished(scene, curve, panel, goal, least, guess, most) result(s)
-    type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
-    integer, intent(in) :: panel               !! panel
-    type(target_t), intent(in) :: goal         !! what is looked for
-    real(wp), intent(in) :: least, guess, most !! bracket and guess
-    real(wp) :: x, v, f, slope, step, last, bound
-    integer :: i
-    s = guess
-    last = most - least
-    bound = last
-    do i = 1, max_newton
-      call curve_at(scene, curve, panel, s, x, v)
-      if (goal%turn) then
-        f = goal%sign*v
-        slope = goal%sign*acceleration_at(scene, curve, panel, s, x, v)
-      else
-        f = goal%sign*(x - goal%wall)
-        slope = goal%sign*v
-      end if
-      if (slope >= 0) return
-      step = -f/slope
-      if (abs(step) > bound .or. s + step < least .or. s + step > most) return
-      s = s + step
-      if (abs(step) <= 2*epsilon(s)*s) return
-      ! Steps fall as their squares: the next one would be about this.
-      if (i > 1 .and. abs(step)*(step/last)**2 <= epsilon(s)*s) return
-      last = step
-      bound = 0.5_wp*abs(step)
-    end do
-  end function polished
 
   !> The return of a short excursion: the s > 0 where s*(p(0) + p(1) s + ...) = speed.
   !>

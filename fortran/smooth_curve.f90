@@ -6,7 +6,7 @@
 !> Taylor series, so that the smallest bounce keeps its relative precision.
 module lapwing_smooth_curve
   use lapwing_kinds, only: wp
-  use lapwing_closed_form, only: closed_form_t, locate_panel, free_size
+  use lapwing_closed_form, only: closed_form_t, locate_panel, free_size, reach
   use lapwing_damped, only: free_motion
   use lapwing_harmonic_series, only: turned_t, turn_series, turned_value, turned_taylor, &
       series_at, expand_series, top_order
@@ -16,11 +16,6 @@ module lapwing_smooth_curve
   private
   public :: curve_t, scene_t, launch, expand_launch, curve_at, curve_taylor, flank_taylor
   public :: rest_after, acceleration_at, free_state, fly_from
-
-  !> A Taylor series of order `top_order` is exact to rounding where rate*s is below this: the first
-  !> term left out, (rate*s)**(top_order + 1)/(top_order + 1)!, against the second one,
-  !> (rate*s)**2/2.
-  real(wp), parameter :: reach = (epsilon(1.0_wp)*43589145600.0_wp)**(1.0_wp/12)
 
   !> What all stretches of an oscillator have in common.
   type :: scene_t
@@ -79,21 +74,33 @@ contains
   pure function response_at(scene, t) result(q)
     type(scene_t), intent(in) :: scene         !! scene
     real(wp), intent(in) :: t                  !! time in the cycle
-    real(wp) :: q(2), d, e, x
+    real(wp) :: q(2)
     integer :: panel
     associate (form => scene%form)
       panel = locate_panel(form, t)
       if (t == form%edge(panel)) then
         q = form%q_begin(:, panel)
       else
-        x = t - form%edge(panel)
-        call free_motion(form%damping, x, d, e)
-        q = free_state(form, form%free_begin(:, panel), d, e)
-        q(1) = q(1) + horner(form%particular(:, panel), x)
-        q(2) = q(2) + horner_slope(form%particular(:, panel), x)
+        q = table_response(form, panel, t - form%edge(panel))
       end if
     end associate
   end function response_at
+
+  !> q and q' of a table at x after a panel's beginning.
+  pure function table_response(form, panel, x) result(q)
+    type(closed_form_t), intent(in) :: form    !! scene
+    integer, intent(in) :: panel               !! panel
+    real(wp), intent(in) :: x                  !! time since its beginning
+    real(wp) :: q(2), d, e
+    if (form%short(panel)) then
+      q = [horner(form%q_taylor(:, panel), x), horner_slope(form%q_taylor(:, panel), x)]
+    else
+      call free_motion(form%damping, x, d, e)
+      q = free_state(form, form%free_begin(:, panel), d, e)
+      q(1) = q(1) + horner(form%particular(:, panel), x)
+      q(2) = q(2) + horner_slope(form%particular(:, panel), x)
+    end if
+  end function table_response
 
   !> (d, d') after a time whose two solutions are known.
   pure function free_state(form, begin, d, e) result(state)
@@ -219,7 +226,7 @@ contains
     integer, intent(in) :: panel               !! panel that holds t + s
     real(wp), intent(in) :: s                  !! time since its beginning
     real(wp), intent(out) :: x, v              !! position and velocity
-    real(wp) :: d, e, q(2), at
+    real(wp) :: q(2), at
     associate (form => scene%form)
       q = 0
       if (curve%moving) then
@@ -229,10 +236,7 @@ contains
         else if (form%harmonic) then
           call series_at(form%q, curve%t + s, q(1), q(2))
         else
-          call free_motion(form%damping, at, d, e)
-          q = free_state(form, form%free_begin(:, panel), d, e)
-          q(1) = q(1) + horner(form%particular(:, panel), at)
-          q(2) = q(2) + horner_slope(form%particular(:, panel), at)
+          q = table_response(form, panel, at)
         end if
       end if
       call add_free_part(scene, curve, s, q, x, v)
@@ -273,7 +277,7 @@ contains
       end if
     end if
     call motion_taylor(scene, curve%contact, x, v, g, c)
-    rest = rest_after(scene, curve, panel, s, x, v)
+    rest = rest_after(scene, curve, panel)
   end subroutine curve_taylor
 
   !> Position and velocity in flight where the flank is known.
@@ -303,32 +307,18 @@ contains
     v = q(2) + state(2)
   end subroutine add_free_part
 
-  !> Bound of |x^(6)|/6! from s to the end of the panel.
-  pure real(wp) function rest_after(scene, curve, panel, s, x, v) result(rest)
+  !> Bound of |x^(6)|/6! on a panel: of q, and of a free oscillation that never grows.
+  pure real(wp) function rest_after(scene, curve, panel) result(rest)
     type(scene_t), intent(in) :: scene             !! scene
     type(curve_t), intent(in) :: curve             !! stretch
     integer, intent(in) :: panel                   !! panel
-    real(wp), intent(in) :: s                      !! time since its beginning
-    real(wp), intent(in) :: x, v                   !! position and velocity at s
-    real(wp) :: free(2), at
     rest = 0
-    associate (form => scene%form)
-      if (.not. curve%contact) then
-        if (form%harmonic .and. curve%moving) rest = form%g_bound
-        return
-      end if
-      free = [x - scene%force, v]
-      if (.not. curve%moving) then
-        rest = form%free_bound*free_size(free)
-      else if (form%harmonic) then
-        rest = form%q_bound + form%free_bound*free_size(curve%free)
-      else
-        at = (curve%t + s) - form%edge(panel)
-        free(1) = free(1) - horner(form%particular(:, panel), at)
-        free(2) = free(2) - horner_slope(form%particular(:, panel), at)
-        rest = form%free_bound*free_size(free)
-      end if
-    end associate
+    if (curve%contact) then
+      rest = scene%form%free_bound*free_size(curve%free)
+      if (curve%moving) rest = rest + scene%form%q_sixth(panel)
+    else if (scene%form%harmonic .and. curve%moving) then
+      rest = scene%form%g_bound
+    end if
   end function rest_after
 
   !> x'' where position and velocity are known.

@@ -275,7 +275,7 @@ def response_amplification(osc):
     """How many times its cause the engaged response to the transmission error can be.
 
     Of a harmonic of rate r: r²/|1 - r² + 2iξr|, the largest of them; of a table: 1/|1 - exp(λP)|,
-    λ the free exponent nearest to a resonance; 0 without transmission error.
+    λ the free exponent nearest to a resonance; 0 without transmission error, and in rigid contact.
 
     Parameters
     ----------
@@ -285,7 +285,7 @@ def response_amplification(osc):
     -------
     float; infinite at an undamped resonance
     """
-    if osc.te.peak_to_peak == 0:
+    if osc.te.peak_to_peak == 0 or osc.contact_law == "rigid":
         return 0.0
     xi = osc.damping_ratio
     if len(osc.te.harmonics):

@@ -6,7 +6,7 @@ program test_exact_automaton
   use lapwing_automaton, only: advance
   use lapwing_codes, only: separation, engagement, law_restitution, law_compliant, law_rigid, &
       law_relative, law_absolute, gap_one_sided, gap_symmetric, gap_one_flank, method_exact, &
-      status_ok
+      event_kink, status_ok
   use lapwing_event_search, only: work_t
   use lapwing_exact_automaton, only: advance_any
   use lapwing_exact_oscillator, only: exact_oscillator_t, exact_oscillator
@@ -30,6 +30,7 @@ program test_exact_automaton
   call test_same_bits(law_restitution, law_absolute)
   call test_same_bits(law_compliant, law_relative)
   call test_same_bits(law_rigid, law_relative)
+  call test_meeting_at_the_stop()
   print "(a, i0, a, i0)", "measured: plain stretches ", plain, ", others ", special
   call tally%below(100000.0_wp, real(plain, wp), "plain stretches")
   call tally%is_true(all(seen(1:9) > 20), "every kind of event at either flank")
@@ -112,6 +113,42 @@ contains
       end do
     end do
   end subroutine test_same_bits
+
+  !> A flight that arrives within some units in the last place of a cycle's end, or of a kink: which
+  !> of the two comes first is decided alike.
+  subroutine test_meeting_at_the_stop()
+    type(exact_oscillator_t) :: system
+    type(hybrid_state_t) :: state, other
+    type(segment_t) :: segment, other_segment
+    type(numerics_t) :: numerics
+    type(work_t) :: work
+    type(parameters_t) :: p
+    integer :: i, law, status, stops, meetings
+    stops = 0
+    meetings = 0
+    p%force = 0
+    p%backlash = 100
+    p%mesh_frequency_ratio = 8*atan(1.0_wp)/8
+    p%damping_ratio = 0.1_wp
+    do law = law_restitution, law_compliant
+      p%contact_law = law
+      system = exact_oscillator(p, [0.0_wp, 0.5_wp, 1.0_wp], reshape([0.0_wp, 0.0_wp, 0.0_wp, &
+          0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, -2.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [6, 2]), &
+          [.true., .true.], reshape([-1.0_wp, 0.0_wp, 0.0_wp], [3, 1]))
+      do i = -12, 12
+        state%instant = start_from(system, 0.25_wp, separation, -3.0_wp, 1.5_wp*(1 + i &
+            *epsilon(1.0_wp)))
+        other = state
+        call advance_any(system, numerics, state, segment, work, status)
+        call advance(system, numerics, other, other_segment, work, status)
+        call tally%is_true(same_state(state, other), "state at a stop, bit for bit")
+        call tally%is_true(same_segment(segment, other_segment), "what happened at a stop")
+        stops = stops + merge(1, 0, segment%events(1)%kind == event_kink)
+        meetings = meetings + merge(0, 1, segment%events(1)%kind == event_kink)
+      end do
+    end do
+    call tally%below(9.0_wp, real(min(stops, meetings), wp), "both orders seen")
+  end subroutine test_meeting_at_the_stop
 
   !> Rest, or a flight, or a contact.
   subroutine random_start(system, state)

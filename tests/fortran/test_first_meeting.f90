@@ -60,6 +60,23 @@ contains
         + (200 + 10*scene%form%n)*(bend + amplification(scene)))
   end function rounding
 
+  !> `first_meeting` from a panel's or from the stretch's beginning, which says where it is as well.
+  subroutine meet(scene, curve, panel, goal, from, to, found, s)
+    type(scene_t), intent(in) :: scene       !! scene
+    type(curve_t), intent(in) :: curve       !! stretch
+    integer, intent(in) :: panel             !! panel
+    type(target_t), intent(in) :: goal       !! what is looked for
+    real(wp), intent(in) :: from, to         !! where
+    logical, intent(out) :: found            !! whether it is met
+    real(wp), intent(out) :: s               !! when
+    real(wp) :: x, v, at(2)
+    call first_meeting(scene, curve, panel, from > 0, goal, from, to, found, s, x, v)
+    if (.not. found) return
+    call curve_at(scene, curve, panel, s, at(1), at(2))
+    call tally%near(x, at(1), rounding(scene, curve), "position said")
+    call tally%near(v, at(2), 8*rounding(scene, curve), "velocity said")
+  end subroutine meet
+
   !> More than the third derivative of any motion here, whose x and v are below 10.
   real(wp) function jerk_bound(scene)
     type(scene_t), intent(in) :: scene       !! scene
@@ -99,7 +116,7 @@ contains
       goal%sign = merge(1.0_wp, -1.0_wp, mod(i, 3) == 0)
       goal%wall = x - goal%sign*10.0_wp**uniform(-9.0_wp, 0.0_wp)
       goal%touching = .false.
-      call first_meeting(scene, curve, panel, goal, from, to, found, s)
+      call meet(scene, curve, panel, goal, from, to, found, s)
       allowed = rounding(scene, curve)
       if (found) then
         hits = hits + 1
@@ -145,10 +162,10 @@ contains
         ! Never within what rounds away: which side of it the motion passes cannot be told.
         if (deltas(k) < 2*allowed) exit
         goal%wall = x - goal%sign*deltas(k)
-        call first_meeting(scene, curve, panel, goal, from, to, found, s)
+        call meet(scene, curve, panel, goal, from, to, found, s)
         call tally%is_true(.not. found, "passed at a distance")
         goal%wall = x + goal%sign*deltas(k)
-        call first_meeting(scene, curve, panel, goal, from, to, found, s)
+        call meet(scene, curve, panel, goal, from, to, found, s)
         call tally%is_true(found, "grazed")
         if (.not. found) cycle
         lead = sqrt(2*deltas(k)/abs(a))
@@ -159,7 +176,7 @@ contains
       end do
       ! A double root: met there or not, but nowhere else.
       goal%wall = x
-      call first_meeting(scene, curve, panel, goal, from, to, found, s)
+      call meet(scene, curve, panel, goal, from, to, found, s)
       if (found) call tally%near(s, turn, 4*sqrt(2*allowed/abs(a)), "double root")
     end do
     call tally%below(200.0_wp, real(grazes, wp), "grazes")
@@ -188,13 +205,15 @@ contains
           goal%sign*speed, curve)
       call expand_launch(scene, curve)
       a = -goal%sign*acceleration_at(scene, curve, panel, 0.0_wp, 0.0_wp, goal%sign*speed)
-      call first_meeting(scene, curve, panel, goal, 0.0_wp, to, found, s)
+      call meet(scene, curve, panel, goal, 0.0_wp, to, found, s)
       if (found) then
         returns = returns + 1
         call tally%is_true(s > 0, "not met where it is left")
         call curve_at(scene, curve, panel, s, x, v)
+        ! Relative to the excursion while its series holds; after that as all positions round.
         call tally%below(abs(x), 8*eps*(speed*s + 40*longest_rate(scene)**2*s**2) &
-            + spacing(to)*abs(v), "position where it comes back")
+            + spacing(to)*abs(v) + merge(rounding(scene, curve), 0.0_wp, s > curve%near), &
+            "position where it comes back")
         ! Only what pulls it back brings it back soon: speed = a s/2 and an order more.
         first = 2*speed/a
         if (a > 0.1_wp .and. first < 1.0e-5_wp) call tally%near(s, first, &

@@ -65,12 +65,12 @@ contains
       call series_at(g, t, x, slope)
       call tally%near(x, real(direct(terms, t, 0), wp), rounding(terms, t, 0), "value")
       call tally%near(slope, real(direct(terms, t, 1), wp), rounding(terms, t, 1), "slope")
-      call expand_series(g, t, taylor)
+      call expand_series(g, t, top_order, taylor)
       do k = 0, top_order
         call tally%near(taylor(k), real(direct(terms, t, k), wp), rounding(terms, t, k), &
             "Taylor coefficient")
       end do
-      call expand_series(g, t, taylor(0:5))
+      call expand_series(g, t, 5, taylor(0:5))
       call tally%near(taylor(5), real(direct(terms, t, 5), wp), rounding(terms, t, 5), &
           "Taylor coefficients up to five")
       call series_at(harmonic_series(terms, -1.28_wp, omega), t, x, slope)
@@ -90,8 +90,8 @@ contains
       associate (xi => ratios(1 + mod(i, 5)))
         response = steady_response(flank, xi)
         t = uniform(0.0_wp, 17.0_wp)
-        call expand_series(flank, t, g)
-        call expand_series(response, t, q)
+        call expand_series(flank, t, top_order, g)
+        call expand_series(response, t, top_order, q)
         do k = 0, top_order - 2
           residual = (k + 2)*(k + 1)*(q(k + 2) + g(k + 2)) + 2*xi*(k + 1)*q(k + 1) + q(k)
           size = (k + 2)*(k + 1)*(bound_derivative(response, k + 2) &
@@ -120,9 +120,9 @@ contains
     terms = random_series(3)
     do i = 0, 4, 2
       t = uniform(0.0_wp, 17.0_wp)
-      call expand_series(harmonic_series(terms, 1.0_wp, omega), t, c)
+      call expand_series(harmonic_series(terms, 1.0_wp, omega), t, top_order, c)
       if (i == 0) c(0) = c(0) - terms(2, 1)*cos(terms(3, 1))
-      call expand_series(derivative_series(harmonic_series(terms, 1.0_wp, omega), i), t, d)
+      call expand_series(derivative_series(harmonic_series(terms, 1.0_wp, omega), i), t, top_order, d)
       do k = 0, top_order - i
         call tally%near(d(k), c(k + i)*gamma(k + i + 1.0_wp)/gamma(k + 1.0_wp), 20*eps, &
             "series of a derivative")
@@ -139,7 +139,7 @@ contains
     terms(2, 1) = 0
     g = harmonic_series(terms, 1.0_wp, omega)
     do i = 1, 2000
-      call expand_series(g, 0.01_wp*i, c)
+      call expand_series(g, 0.01_wp*i, top_order, c)
       do k = 0, top_order
         call tally%below(abs(c(k)), bound_derivative(g, k)*(1 + 8*eps), "bound of a derivative")
       end do
@@ -147,7 +147,7 @@ contains
     g = harmonic_series(terms(:, 4:4), 1.0_wp, omega)
     most = 0
     do i = 1, 2000
-      call expand_series(g, 0.003_wp*i, c)
+      call expand_series(g, 0.003_wp*i, top_order, c)
       most = max(most, abs(c))
     end do
     do k = 0, top_order
@@ -161,7 +161,7 @@ contains
     real(wp) :: x, slope, taylor(0:5)
     g = harmonic_series(reshape([0.0_wp, 2.0_wp, 0.5_wp], [3, 1]), 1.0_wp, omega)
     call series_at(g, 3.0_wp, x, slope)
-    call expand_series(g, 3.0_wp, taylor)
+    call expand_series(g, 3.0_wp, 5, taylor)
     call tally%near(x, 2*cos(0.5_wp), 4*eps, "constant")
     call tally%is_true(slope == 0 .and. all(taylor(1:) == 0), "a constant has no slope")
     call tally%is_true(fastest_rate(g) == 0 .and. bound_derivative(g, 1) == 0, "nor a rate")

@@ -171,15 +171,26 @@ contains
     type(scene_t) :: scene
     type(curve_t) :: curve
     real(wp) :: s, c(0:max_degree), rest, width, value, allowed, h, largest
-    real(qp) :: x, v
-    integer :: i, j, k, panel
+    real(qp) :: x, v, begin(2)
+    integer :: i, j, k, panel, edges
+    logical :: at_edge
+    edges = 0
     largest = 0
     do i = 1, n_curves
       call random_curve(i, scene, curve)
       s = min(longest(scene, curve), 3.0_wp)*uniform(0.0_wp, 0.98_wp)
       if (mod(i, 5) == 0) s = 0
       panel = locate_panel(scene%form, curve%t + s)
-      call curve_taylor(scene, curve, panel, s, c, rest)
+      ! From a panel's own beginning what is known beforehand is taken.
+      at_edge = mod(i, 7) == 0 .and. scene%form%edge(panel) > curve%t
+      if (at_edge) s = scene%form%edge(panel) - curve%t
+      call curve_taylor(scene, curve, panel, at_edge, s, c, rest)
+      if (at_edge) then
+        edges = edges + 1
+        call follow(scene, curve, s, begin(1), begin(2))
+        call tally%near(c(0), real(begin(1), wp), rounding(scene, curve, s), "position at an edge")
+        call tally%near(c(1), real(begin(2), wp), rounding(scene, curve, s), "velocity at an edge")
+      end if
       width = scene%form%edge(panel + 1) - (curve%t + s)
       do j = 1, 4
         h = 0.25_wp*j*width
@@ -199,6 +210,7 @@ contains
       end do
     end do
     print "(a, f6.3)", "measured: what is left out over its bound, at most ", largest
+    call tally%below(50.0_wp, real(edges, wp), "beginnings of panels")
     ! No bound that is far too large either: it is nearly reached by one harmonic.
     call tally%below(0.2_wp, largest, "the bound is of use")
   end subroutine test_remainder
