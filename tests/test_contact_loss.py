@@ -16,22 +16,24 @@ from lapwing import (
     simulate,
 )
 
+pytestmark = pytest.mark.usefixtures("method")
 ENGAGED_BIT = 1 << MotionState.ENGAGEMENT
 
 
 @pytest.mark.parametrize(("change", "leaves"), [(1e-6, True), (-1e-6, False), (0.2, True)])
-def test_rigid_harmonic_lets_go_above_gamma_one(change, leaves):
-    # g'' of the table is good to 1e-8 of its largest value, far inside the change of 1e-6.
+def test_rigid_harmonic_lets_go_above_gamma_one(method, change, leaves):
+    # g'' of rk4's table is good to 1e-8 of its largest value, far inside the change of 1e-6; that
+    # of the closed form to rounding.
     gamma = 1 + change
     osc = oscillator(TransmissionError.harmonic([1.0]), force=1 / gamma, period=2 * math.pi,
-                     contact_law="rigid")
+                     contact_law="rigid", damping_ratio=0.1)
     run = simulate(osc, "rest", cycles=20)
     assert (EventKind.RELEASE in kinds(run)) == leaves
     if leaves:
-        # Left where F = g'' = -cos u first: u = π - arccos(1/Γ), up to 1e-8/sin u.
+        # Left where F = g'' = -cos u first: u = π - arccos(1/Γ), up to the error of g'' over sin u.
         angle = math.pi - math.acos(1 / gamma)
         assert run.events["phase"].values[0] * 2 * math.pi == pytest.approx(
-            angle, rel=0, abs=2e-8 / math.sin(angle))
+            angle, rel=0, abs={"rk4": 2e-8, "exact": 16 * EPS}[method] / math.sin(angle))
     else:
         assert kinds(run) == []
         assert run.final.motion_state == MotionState.ENGAGEMENT
@@ -72,7 +74,7 @@ def test_sticking_and_bouncing_coexist_below_gamma_one():
     """Γ_SN < Γ < 1 with ε above (π-1)/(π+1): both motions, by the start alone."""
     restitution, gamma = 0.7, 0.8
     osc = oscillator(TransmissionError.harmonic([1.0]), force=1 / gamma, period=2 * math.pi,
-                     restitution=restitution, contact_law="rigid")
+                     restitution=restitution, contact_law="rigid", damping_ratio=0.1)
     assert kinds(simulate(osc, "rest", cycles=50)) == []
     angle = math.pi - math.asin(math.pi * 0.3 / 1.7 / gamma)
     speed = 2 * math.pi / gamma / 1.7
@@ -86,6 +88,35 @@ def test_sticking_and_bouncing_coexist_below_gamma_one():
 SCENES = {"a_absolute": scene_a, "d": scene_d,
           "a_relative": lambda torque: scene_a(torque, "relative"),
           "a_compliant": lambda torque: scene_a(torque, "relative", contact_law="compliant")}
+
+
+@pytest.mark.parametrize("damping_ratio", [0.0, 0.1, 1.0, 1.0 + 1e-9, 1.3])
+@pytest.mark.parametrize("te", [
+    TransmissionError.harmonic([1.0, 0.2], [0.0, 1.0], [1, 2]), TransmissionError.parabola(1.0),
+    TransmissionError.from_hermite([0.1, 0.35, 0.8], [0.3, -0.2, 0.5], [1.0, 2.0, -1.0],
+                                   [1.0, -3.0, 0.5])])
+def test_engaged_motion_is_the_engaged_response(method, te, damping_ratio):
+    """From a start on it, over three cycles: the Fourier gain, or the response to the table."""
+    osc = oscillator(te, force=40.0, period=4.3, damping_ratio=damping_ratio)
+    engaged = engaged_response(osc)
+    assert engaged.minimum > 0
+    start = ("engagement", float(engaged.penetration(0.6)), float(engaged.penetration(0.6, 1)))
+    tau = np.linspace(0, 2.999 * 4.3, 200)
+    expected = engaged.penetration(0.6 + tau / 4.3)
+    if len(te.harmonics):
+        order, amplitude, shift = te.harmonics.T
+        rate = 2 * math.pi * order / 4.3
+        wave = amplitude * rate**2 / (1 - rate**2 + 2j * damping_ratio * rate)
+        angle = rate * (0.6 * 4.3 + tau[:, None]) + shift
+        expected = 40.0 + (wave * np.exp(1j * angle)).sum(axis=1).real
+        start = ("engagement", expected[0], (1j * rate * wave * np.exp(1j * angle[0])).sum().real)
+    run = simulate(osc, start, phase=0.6, cycles=3, rtol=1e-12)
+    # The closed form and the response round by EPS of φ some hundred times each; rk4 errs by some
+    # rtol of φ a cycle, and sees a table of the harmonics good to 1e-12 of them.
+    error = {"rk4": 4e-12, "exact": 200 * EPS}[method] * (40.0 + np.abs(engaged.minimum))
+    found = run.history(tau)
+    assert np.abs(found["phi"].values - expected).max() <= error
+    assert set(kinds(run)) <= {EventKind.KINK}
 
 
 @pytest.mark.parametrize("scene", SCENES)

@@ -1,0 +1,15 @@
+"""What several test files share by name."""
+
+from functools import partial
+
+import pytest
+
+import lapwing
+
+
+@pytest.fixture(params=["exact", "rk4"])
+def method(request, monkeypatch):
+    """Both ways of moving along a smooth piece: `simulate` of the test's file takes this one."""
+    monkeypatch.setattr(request.module, "simulate",
+                        partial(lapwing.simulate, method=request.param))
+    return request.param

@@ -1,0 +1,233 @@
+!> Random scenes for the tests of motion in closed form, and that motion by another route: Taylor
+!> series of the differential equation itself, of order 30, in quadruple precision.
+module exact_reference
+  use, intrinsic :: iso_fortran_env, only: qp => real128
+  use lapwing_closed_form, only: closed_form
+  use lapwing_harmonic_series, only: harmonic_series_t, harmonic_series
+  use lapwing_kinds, only: wp
+  use lapwing_polynomial, only: max_degree
+  use lapwing_smooth_curve, only: scene_t
+  use lapwing_transmission_error, only: te_table
+  implicit none
+  private
+  public :: qp, seed, uniform, chance, pick, random_table, random_series, table_scene, series_scene
+  public :: random_scene, quad_flank, quad_flow, quad_acceleration, longest_rate, amplification
+
+  integer, parameter :: order = 30               !! of the reference's steps
+  !> Steps of this over the fastest rate leave out 0.25**31 of a term: nothing.
+  real(qp), parameter :: step_span = 0.25_qp
+  real(wp), parameter :: two_pi = 8*atan(1.0_wp)
+
+contains
+
+  subroutine seed(number)
+    integer, intent(in) :: number   !! which of the repeatable sequences
+    integer :: n
+    call random_seed(size=n)
+    call random_seed(put=spread(number, 1, n))
+  end subroutine seed
+
+  real(wp) function uniform(low, high)
+    real(wp), intent(in) :: low, high   !! limits
+    call random_number(uniform)
+    uniform = low + (high - low)*uniform
+  end function uniform
+
+  logical function chance(share)
+    real(wp), intent(in) :: share       !! probability
+    chance = uniform(0.0_wp, 1.0_wp) < share
+  end function chance
+
+  !> One of several numbers.
+  real(wp) function pick(values)
+    real(wp), intent(in) :: values(:)   !! the numbers
+    pick = values(min(size(values), 1 + int(uniform(0.0_wp, 1.0_wp)*size(values))))
+  end function pick
+
+  !> A continuous table of quintic pieces over mesh phase, of size 1, its slope continuous but at
+  !> kinks: Hermite cubics plus x**2 (h - x)**2 times a line.
+  subroutine random_table(n, share, knots, coefficients, kinks)
+    integer, intent(in) :: n                                  !! pieces
+    real(wp), intent(in) :: share                             !! of kinks among the knots
+    real(wp), allocatable, intent(out) :: knots(:)            !! (n + 1)
+    real(wp), allocatable, intent(out) :: coefficients(:, :)  !! (0:5, n)
+    logical, allocatable, intent(out) :: kinks(:)             !! (n)
+    real(wp) :: value(n + 1), left(n + 1), right(n + 1), h, rise, a, b
+    integer :: i
+    allocate (knots(n + 1), coefficients(0:max_degree, n), kinks(n))
+    knots(1) = 0
+    do i = 1, n
+      knots(i + 1) = knots(i) + uniform(0.2_wp, 1.0_wp)
+      kinks(i) = chance(share)
+      value(i) = uniform(-0.5_wp, 0.5_wp)
+      right(i) = uniform(-2.0_wp, 2.0_wp)
+      left(i) = right(i)
+      if (kinks(i)) left(i) = uniform(-2.0_wp, 2.0_wp)
+    end do
+    knots = knots/knots(n + 1)
+    value(n + 1) = value(1)
+    left(n + 1) = left(1)
+    do i = 1, n
+      h = knots(i + 1) - knots(i)
+      rise = (value(i + 1) - value(i))/h
+      a = uniform(-1.0_wp, 1.0_wp)/h**2
+      b = uniform(-1.0_wp, 1.0_wp)/h**3
+      coefficients(0:1, i) = [value(i), right(i)]
+      coefficients(2, i) = (3*rise - 2*right(i) - left(i + 1))/h + a*h**2
+      coefficients(3, i) = (right(i) + left(i + 1) - 2*rise)/h**2 - 2*a*h + b*h**2
+      coefficients(4:5, i) = [a - 2*b*h, b]
+    end do
+  end subroutine random_table
+
+  !> A constant and a few harmonics of size 1.
+  function random_series(n) result(series)
+    integer, intent(in) :: n            !! harmonics
+    real(wp) :: series(3, n + 1)        !! order, amplitude, shift
+    integer :: i
+    series(:, 1) = [0.0_wp, uniform(-1.0_wp, 1.0_wp), 0.4_wp]
+    do i = 1, n
+      series(:, i + 1) = [real(i, wp), uniform(-0.5_wp, 0.5_wp)/i, uniform(0.0_wp, two_pi)]
+    end do
+  end function random_series
+
+  !> Scene over a table.
+  function table_scene(knots, coefficients, kinks, period, xi, force) result(scene)
+    real(wp), intent(in) :: knots(:)              !! mesh phase
+    real(wp), intent(in) :: coefficients(0:, :)   !! over mesh phase
+    logical, intent(in) :: kinks(:)               !! slope jumps
+    real(wp), intent(in) :: period, xi, force     !! P, damping ratio, F
+    type(scene_t) :: scene
+    type(harmonic_series_t) :: none
+    scene%force = force
+    scene%table = te_table(knots, coefficients, kinks, 1.0_wp, period, 0.0_wp)
+    scene%form = closed_form(scene%table, none, .false., xi, period)
+  end function table_scene
+
+  !> Scene over a harmonic series.
+  function series_scene(series, period, xi, force) result(scene)
+    real(wp), intent(in) :: series(:, :)          !! order, amplitude, shift
+    real(wp), intent(in) :: period, xi, force     !! P, damping ratio, F
+    type(scene_t) :: scene
+    real(wp) :: zero(0:max_degree, 1)
+    zero = 0
+    scene%force = force
+    scene%table = te_table([0.0_wp, 1.0_wp], zero, [.false.], 1.0_wp, period, 0.0_wp)
+    scene%form = closed_form(scene%table, harmonic_series(series, 1.0_wp, two_pi/period), .true., &
+        xi, period)
+  end function series_scene
+
+  !> Any of the two, far from undamped resonances, where the response is at most some ten times its
+  !> cause.
+  subroutine random_scene(harmonic, share, scene)
+    logical, intent(in) :: harmonic               !! which of the two
+    real(wp), intent(in) :: share                 !! of kinks
+    type(scene_t), intent(out) :: scene           !! the scene
+    real(wp), allocatable :: knots(:), coefficients(:, :)
+    logical, allocatable :: kinks(:)
+    real(wp) :: xi, period, force
+    xi = pick([0.0_wp, 0.05_wp, 0.1_wp, 0.4_wp, 1 - 1.0e-9_wp, 1.0_wp, 1 + 1.0e-9_wp, 1.3_wp])
+    period = two_pi*(real(int(uniform(0.0_wp, 4.0_wp)), wp) + uniform(0.3_wp, 0.7_wp))
+    force = uniform(-1.0_wp, 2.0_wp)
+    if (harmonic) then
+      scene = series_scene(random_series(1 + int(uniform(0.0_wp, 4.0_wp))), period, xi, force)
+    else
+      call random_table(1 + int(uniform(0.0_wp, 9.0_wp)), share, knots, coefficients, kinks)
+      if (size(kinks) == 1) kinks = .true.
+      scene = table_scene(knots, coefficients, kinks, period, xi, force)
+    end if
+  end subroutine random_scene
+
+  !> Fastest rate of a scene's motion.
+  pure real(wp) function longest_rate(scene)
+    type(scene_t), intent(in) :: scene            !! scene
+    longest_rate = max(1.0_wp, 2*scene%form%damping%xi)
+    if (scene%form%harmonic) longest_rate = max(longest_rate, maxval(scene%form%g%rate))
+  end function longest_rate
+
+  !> Largest size of the response in contact.
+  pure real(wp) function amplification(scene)
+    type(scene_t), intent(in) :: scene            !! scene
+    amplification = max(maxval(abs(scene%form%q_begin)), maxval(abs(scene%form%q_bernstein)))
+  end function amplification
+
+  !> Taylor coefficients of g about a time on a table piece.
+  pure function quad_flank(scene, piece, t) result(g)
+    type(scene_t), intent(in) :: scene            !! scene
+    integer, intent(in) :: piece                  !! table piece
+    real(qp), intent(in) :: t                     !! time in the cycle
+    real(qp) :: g(0:order), c, s, power
+    integer :: i, k
+    g = 0
+    if (.not. scene%form%harmonic) then
+      g(0:max_degree) = scene%table%coefficient(:, piece)
+      do i = 0, max_degree - 1
+        do k = max_degree - 1, i, -1
+          g(k) = g(k) + (t - scene%table%knot(piece))*g(k + 1)
+        end do
+      end do
+      return
+    end if
+    g(0) = scene%form%g%constant
+    do i = 1, size(scene%form%g%rate)
+      c = cos(scene%form%g%rate(i)*t)
+      s = sin(scene%form%g%rate(i)*t)
+      power = 1
+      do k = 0, order
+        ! Derivatives of (cosine, sine): value, rate, -value, -rate, ...
+        if (mod(k, 2) == 0) then
+          g(k) = g(k) + power*(scene%form%g%cosine(i)*c + scene%form%g%sine(i)*s)
+        else
+          g(k) = g(k) + power*(scene%form%g%sine(i)*c - scene%form%g%cosine(i)*s)
+        end if
+        power = power*scene%form%g%rate(i)/(k + 1)
+        if (mod(k, 2) == 1) power = -power
+      end do
+    end do
+  end function quad_flank
+
+  !> Move position and velocity relative to a flank by a time that stays on one table piece.
+  pure subroutine quad_flow(scene, contact, moving, piece, t, s, x, v)
+    type(scene_t), intent(in) :: scene            !! scene
+    logical, intent(in) :: contact, moving        !! in contact; whether the flank moves
+    integer, intent(in) :: piece                  !! table piece
+    real(qp), intent(in) :: t, s                  !! time in the cycle, time moved by
+    real(qp), intent(inout) :: x, v               !! position and velocity
+    real(qp) :: g(0:order), c(0:order), h, at
+    integer :: i, k, n
+    n = max(1, ceiling(s*longest_rate(scene)/step_span))
+    h = s/n
+    do i = 0, n - 1
+      at = t + i*h
+      g = 0
+      if (moving) g = quad_flank(scene, piece, at)
+      c(0:1) = [x, v]
+      do k = 2, order
+        c(k) = -g(k)
+        if (k == 2) c(k) = c(k) + 0.5_qp*scene%force
+        if (contact) c(k) = c(k) &
+            - (2*scene%form%damping%xi*(k - 1)*c(k - 1) + c(k - 2))/(k*(k - 1))
+      end do
+      x = c(order)
+      v = order*c(order)
+      do k = order - 1, 1, -1
+        x = x*h + c(k)
+        v = v*h + k*c(k)
+      end do
+      x = x*h + c(0)
+    end do
+  end subroutine quad_flow
+
+  !> x''.
+  pure real(qp) function quad_acceleration(scene, contact, moving, piece, t, x, v) result(a)
+    type(scene_t), intent(in) :: scene            !! scene
+    logical, intent(in) :: contact, moving        !! in contact; whether the flank moves
+    integer, intent(in) :: piece                  !! table piece
+    real(qp), intent(in) :: t                     !! time in the cycle
+    real(qp), intent(in) :: x, v                  !! position and velocity
+    real(qp) :: g(0:order)
+    g = 0
+    if (moving) g = quad_flank(scene, piece, t)
+    a = scene%force - 2*g(2)
+    if (contact) a = a - 2*scene%form%damping%xi*v - x
+  end function quad_acceleration
+end module exact_reference
