@@ -71,7 +71,8 @@ def test_orbit_attracts_and_is_the_exact_one(method, contact_law, gamma, restitu
     assert found["phase"] * PERIOD == pytest.approx(angle, rel=0, abs=slack)
     assert np.diff(found["tau"]) == pytest.approx(n * PERIOD, rel=1e-12)
     assert found["velocity_before"] == pytest.approx(speed, rel=2 * SLOPE_ERROR[method])
-    assert found["velocity_after"] == pytest.approx(-restitution * speed, rel=2 * SLOPE_ERROR[method])
+    assert found["velocity_after"] == pytest.approx(-restitution * speed,
+                                                     rel=2 * SLOPE_ERROR[method])
 
 
 @pytest.mark.parametrize("contact_law", LAWS)

@@ -90,7 +90,8 @@ def test_decision_a_rigid_tooth_rests_on_a_standing_flank_while_pressed(method):
     # rk4 sees the harmonics' table, good to 1e-12 of its amplitude and 1e-10 of its slope.
     table = {"rk4": 1e-12, "exact": 0}[method]
     assert np.allclose(history["phi"], -5.0 - g_of(osc, s), rtol=0, atol=16 * EPS * 5 + table)
-    assert np.allclose(history["phi_dot"], -g_of(osc, s, 1), rtol=0, atol=64 * EPS * 5 + 100 * table)
+    assert np.allclose(history["phi_dot"], -g_of(osc, s, 1), rtol=0,
+                       atol=64 * EPS * 5 + 100 * table)
     lifted = simulate(standing(force=0.3, contact_law="rigid"),
                       ("back_engagement", -6.0, 0.0), cycles=0.1)
     assert kinds(lifted)[0] == K.BACK_RELEASE and lifted.events["tau"].values[0] == 0

@@ -43,7 +43,7 @@ def test_auto_says_what_it_takes_and_exact_is_refused_where_digits_are_lost(te, 
     if method == "exact":
         assert simulate(osc, cycles=2, method="exact").final == run.final
     else:
-        with pytest.raises(ValueError, match="'exact'.*resonance.*'rk4'"):
+        with pytest.raises(ValueError, match=r"'exact'.*resonance.*'rk4'"):
             simulate(osc, cycles=2, method="exact")
         same = simulate(osc, cycles=2, method="rk4")
         assert dataset_bytes(same.events) == dataset_bytes(run.events)
@@ -164,7 +164,7 @@ def test_the_methods_agree_on_a_stable_motion(build):
             for method in ("exact", "rk4")]
     ends = [events(run, EventKind.CHATTER_END, EventKind.ENGAGE, EventKind.RELEASE)["tau"]
             for run in runs]
-    assert ends[0].size == ends[1].size and ends[0].size > 0 or osc.impact_law == "absolute"
+    assert (ends[0].size == ends[1].size and ends[0].size > 0) or osc.impact_law == "absolute"
     assert np.all(np.abs(ends[0] - ends[1]) <= 1e-10 * osc.period)
     assert runs[0].final.motion_state == runs[1].final.motion_state
     assert runs[0].final.phi == pytest.approx(runs[1].final.phi, rel=0,
