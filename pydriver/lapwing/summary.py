@@ -124,8 +124,8 @@ def _legend(responses):
     return [f"Impacts are counted that end a flight deeper than {shown} of the deepest separation "
             "of their cycle (without restitution: every arrival). ± is the difference to a second "
             "run, with rk4 at a tolerance of its own; in this table it is left out where it lies "
-            "below the last digit. ≈ marks a motion without a period: ± is then the greater of two differences of "
-            "averages or greatest values, between the two runs and between the halves of the "
+            "below the last digit. ≈ marks a motion without a period: ± is then the greater of two "
+            "differences of averages or greatest values, between the two runs and between the halves of the "
             "record. "
             + "“?” marks a motion that the second run does not confirm: it gives another class. "
             * doubtful
@@ -300,7 +300,8 @@ def _trust(attrs):
         sentence = "The second run, for the error, failed; no error is known."
     elif _doubtful(attrs):
         sentence = ("**The second run, rk4 at tolerance "
-                    f"{attrs['rtol_reference']:g}, gives another motion, {other}: do not rely on the class.**")
+                    f"{attrs['rtol_reference']:g}, gives another motion, {other}: "
+                    "do not rely on the class.**")
     elif attrs["error_kind"] != "convergence":
         sentence = "Without a period single numbers do not converge, only their averages do."
     else:
