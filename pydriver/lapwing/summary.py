@@ -10,7 +10,7 @@ from lapwing.codes import MotionState
 from lapwing.summary_critical import critical_text
 from lapwing.summary_stability import aperiodic_words, stability_sentence
 from lapwing.summary_sweep import sweep_text
-from lapwing.summary_words import markdown, plural
+from lapwing.summary_words import markdown, method_words, plural
 
 # A change between the halves of the record below this part of the number, or of its error, is
 # rounding or chance and is not reported as a transient.
@@ -123,9 +123,9 @@ def _legend(responses):
     fed = any(bool(one["impact_energy_per_cycle"] < 0) for one in responses)
     return [f"Impacts are counted that end a flight deeper than {shown} of the deepest separation "
             "of their cycle (without restitution: every arrival). ± is the difference to a second "
-            "run at another tolerance; in this table it is left out where it lies below the last "
-            "digit. ≈ marks a motion without a period: ± is then the greater of two differences of "
-            "averages or greatest values, between the two runs and between the halves of the "
+            "run, with rk4 at a tolerance of its own; in this table it is left out where it lies "
+            "below the last digit. ≈ marks a motion without a period: ± is then the greater of two "
+            "differences of averages or greatest values, between the two runs and between the halves of the "
             "record. "
             + "“?” marks a motion that the second run does not confirm: it gives another class. "
             * doubtful
@@ -163,7 +163,7 @@ def _motion(attrs):
 
 
 def _doubtful(attrs):
-    """Whether the run at the other tolerance ends in a motion of another class."""
+    """Whether the second run ends in a motion of another class."""
     return bool(not attrs["status"] and not attrs["status_reference"]
                 and attrs["motion_class_reference"] != attrs["motion_class"])
 
@@ -191,7 +191,7 @@ def _paragraph(attrs):
     """One response in sentences."""
     torque = f"At {attrs['brake_torque']:g} N·m"
     run = (f"{plural(attrs['record_cycles'], 'cycle')} recorded after {attrs['settle_cycles']}, "
-           f"start `{attrs['start']}`, tolerance {attrs['rtol']:g}")
+           f"start `{attrs['start']}`, {method_words(attrs)}")
     if attrs["status"]:
         return (f"{torque} the run failed numerically "
                 f"(`{attrs['status_meaning']}`); there are no numbers. ({run}.)")
@@ -299,8 +299,9 @@ def _trust(attrs):
     if attrs["status_reference"]:
         sentence = "The second run, for the error, failed; no error is known."
     elif _doubtful(attrs):
-        sentence = (f"**The run at tolerance {attrs['rtol_reference']:g} gives another motion, "
-                    f"{other}: do not rely on the class.**")
+        sentence = ("**The second run, rk4 at tolerance "
+                    f"{attrs['rtol_reference']:g}, gives another motion, {other}: "
+                    "do not rely on the class.**")
     elif attrs["error_kind"] != "convergence":
         sentence = "Without a period single numbers do not converge, only their averages do."
     else:

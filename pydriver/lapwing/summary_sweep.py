@@ -7,7 +7,7 @@ import numpy as np
 from lapwing.codes import Status
 from lapwing.summary_hysteresis import hysteresis
 from lapwing.summary_stability import sweep_stability
-from lapwing.summary_words import UNITS, markdown, plural
+from lapwing.summary_words import UNITS, markdown, method_words, plural
 
 # A sweep is told in about so many lines, spread over its range.
 TABLE_LINES = 12
@@ -24,7 +24,7 @@ def sweep_text(sweep):
     lines = [f"- {parameter.replace('_', ' ')} from {values[0]:g} to {values[-1]:g} {unit}: "
              f"{plural(values.size, 'value')} × {plural(sweep.sizes['start'], 'start')}, "
              f"{plural(sweep.attrs['settle'], 'mesh cycle')} to settle and "
-             f"{sweep.attrs['record']} recorded, tolerance {sweep.attrs['rtol']:g}; "
+             f"{sweep.attrs['record']} recorded, {method_words(sweep.attrs)}; "
              f"{failed or 'none'} of {sweep['status'].size} failed"
              + f", **{unfinished} not reached**" * bool(unfinished)]
     if "deepest_separation" not in sweep:

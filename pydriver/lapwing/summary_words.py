@@ -15,3 +15,10 @@ def markdown(rows):
 def plural(number, word):
     """Number and word, the word with an s unless the number is one."""
     return f"{number:g} {word}" + "s" * bool(number != 1)
+
+
+def method_words(attrs):
+    """How the motion was followed: 'in closed form', or rk4 and its tolerance."""
+    if attrs["method"] == "exact":
+        return "in closed form"
+    return f"rk4 at tolerance {attrs['rtol']:g}"
