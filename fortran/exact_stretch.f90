@@ -399,7 +399,9 @@ contains
       panel = locate_panel(form, curve%t)
       from = 0
       do
-        to = min(form%edge(panel + 1) - curve%t, stop)
+        to = stop
+        ! In the last panel the stop may be late by rounding.
+        if (panel < form%n) to = min(form%edge(panel + 1) - curve%t, stop)
         if (from > 0) then
           out = holds(scene, curve%moving, goal%sign, panel, state)
         else
