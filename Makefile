@@ -35,7 +35,7 @@ test-full: env ## the same and the long ones
 
 lint: env ## style of the Python and Fortran sources
 	@$(ACTIVATED); export PATH; ruff check . .build; python=$$?; \
-	    fortitude check fortran tests/fortran && exit $$python
+	    fortitude check fortran tests/fortran tests/reference && exit $$python
 
 lock: ## pin the newest dependencies in .build/requirements.txt
 	@$(PYTHON) -m venv build/lock && build/lock/bin/python -m pip install -q uv

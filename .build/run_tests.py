@@ -12,6 +12,7 @@ BUILD_LISTS = (
     ("fortran/meson.build", "fortran/*.f90", "'{0.name}'"),
     ("fortran/meson.build", "fortran/*.inc", "'{0.name}'"),
     ("tests/meson.build", "tests/fortran/test_*.f90", "'{0.stem}'"),
+    ("tests/reference/meson.build", "tests/reference/*.f90", "'{0.name}'"),
 )
 
 

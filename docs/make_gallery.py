@@ -18,6 +18,8 @@ DECKS = {
                      "impact law `absolute` as the source prints it.",
     "lapping_25x32_relative": "The same gear with the physical impact law: chatter where the "
                               "source counts 3, 5 and 7 impacts.",
+    "critical_25x32": "Critical torques of the 25 × 32 pair under the source's law.",
+    "critical_rigid": "Critical torques of rigid teeth on a smooth transmission error.",
     "smooth_1500rpm": "A smooth transmission error of three harmonics at 1500 rpm: coexisting "
                       "motions.",
     "kinked_480rpm": "The textbook parabola with one kink at 480 rpm.",
@@ -27,6 +29,12 @@ FIGURES = {
     "orbit_diagram": "Orbit diagram: strobed displacement, impact speeds, impacts per cycle and "
                      "period against the braking torque, from rest, upwards and downwards.",
     "deepest_separation": "Deepest separation against the braking torque.",
+    "staircase": "Impacts per cycle as a staircase, with a strip of classes.",
+    "exponents": "Largest Lyapunov exponent and larger Floquet multiplier under the orbit diagram.",
+    "impact_speed_density": "How often impacts of which speed happen.",
+    "waterfall": "Order spectra of the displacement.",
+    "critical_search": "Searches for critical values: what was tried, what was seen, the bracket "
+                       "that is left.",
     "te_curve": "Transmission error with its knots, slopes and kinks.",
     "history": "Time history of displacement, mesh force and impacts.",
     "phase_portrait": "Phase portrait, with the engaged part magnified.",

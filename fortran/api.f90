@@ -11,7 +11,8 @@ contains
   !> Sizes of the arrays that Python allocates.
   subroutine sizes(n)
     use lapwing_marshal, only: all_sizes
-    integer(c_int), intent(out) :: n(7)   !! blob, work; log, cycle, sample columns; reals, choices
+    integer(c_int), intent(out) :: n(8)   !! blob, work; log, cycle, sample columns; reals, choices;
+                                          !! tangent columns
     n = all_sizes
   end subroutine sizes
 
@@ -41,7 +42,7 @@ contains
   !> Go on with one trajectory until its target, a full log or the deadline.
   subroutine trajectory(n_pieces, knots, coefficients, kinks, n_series, series, n_reals, reals, &
       n_choices, choices, start, target, seconds, n_blob, blob, n_samples, sample_time, samples, &
-      n_log, log, n_cycles, cycles, done)
+      n_log, log, n_cycles, cycles, n_tangent, tangent, done)
     use lapwing_marshal, only: go_on_with_trajectory
     integer(c_int), intent(in) :: n_pieces                          !! table pieces
     real(c_double), intent(in) :: knots(n_pieces + 1)               !! mesh phase
@@ -67,17 +68,20 @@ contains
     real(c_double), intent(inout) :: log(6, n_log)                  !! events
     integer(c_int), intent(in) :: n_cycles                          !! room for cycles
     real(c_double), intent(inout) :: cycles(17, n_cycles)           !! statistics by cycle
+    integer(c_int), intent(in) :: n_tangent                         !! room for tangent maps
+    real(c_double), intent(inout) :: tangent(13, n_tangent)         !! tangent maps by cycle
     real(c_double), intent(out) :: done(8)                          !! status, log lines, cycles,
                                                                     !! cycle, t, state, phi, phi'
     !f2py threadsafe
     call go_on_with_trajectory(knots, coefficients, kinks, series, reals, choices, start, &
-        target, seconds, blob, sample_time, samples, log, cycles, done)
+        target, seconds, blob, sample_time, samples, log, cycles, tangent, done)
   end subroutine trajectory
 
   !> Go on with a sweep until it is done or the deadline has come.
   subroutine sweep(n_pieces, knots, coefficients, kinks, n_series, series, n_reals, n_points, &
       reals, n_choices, choices, n_lines, lines, starts, seconds, n_threads, n_blob, blobs, &
-      n_record, cycles, n_log, log, n_outcome, outcome)
+      n_record, cycles, n_tangent, n_tangent_points, tangent, n_bins, n_density_points, density, &
+      n_log, log, n_outcome, outcome)
     use lapwing_marshal, only: go_on_with_sweep
     integer(c_int), intent(in) :: n_pieces                          !! table pieces
     real(c_double), intent(in) :: knots(n_pieces + 1)               !! mesh phase
@@ -102,6 +106,12 @@ contains
     real(c_double), intent(inout) :: blobs(n_blob, n_lines)         !! runs under way
     integer(c_int), intent(in) :: n_record                          !! cycles recorded
     real(c_double), intent(inout) :: cycles(17, n_record, n_points) !! statistics by cycle
+    integer(c_int), intent(in) :: n_tangent                         !! cycles with a tangent map
+    integer(c_int), intent(in) :: n_tangent_points                  !! points with them, or 1
+    real(c_double), intent(inout) :: tangent(13, n_tangent, n_tangent_points) !! tangent maps
+    integer(c_int), intent(in) :: n_bins                            !! bins of impact speeds, or 1
+    integer(c_int), intent(in) :: n_density_points                  !! points with them, or 1
+    real(c_double), intent(inout) :: density(n_bins, n_density_points) !! impacts by speed
     integer(c_int), intent(in) :: n_log                             !! room in each log
     real(c_double), intent(inout) :: log(6, n_log, n_points)        !! impacts
     integer(c_int), intent(in) :: n_outcome                         !! outcome columns
@@ -109,6 +119,6 @@ contains
                                                                     !! state, phi, phi', work
     !f2py threadsafe
     call go_on_with_sweep(knots, coefficients, kinks, series, reals, choices, lines, starts, &
-        seconds, n_threads, blobs, cycles, log, outcome)
+        seconds, n_threads, blobs, cycles, tangent, density, log, outcome)
   end subroutine sweep
 end module api

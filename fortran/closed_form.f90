@@ -22,8 +22,8 @@ module lapwing_closed_form
   !> A panel in contact lasts at most this, so that the remainder of a free oscillation of size E
   !> is (0.75)**6/720 E = 2.5e-4 E; a harmonic of rate r has panels of this over r in flight.
   real(wp), parameter :: panel_span = 1.5_wp
-  !> A Taylor series of order 13 is exact to rounding where rate*s is below this: the first term left
-  !> out, (rate*s)**14/14!, against the second one, (rate*s)**2/2.
+  !> A Taylor series of order 13 is exact to rounding where rate*s is below this: the first term
+  !> left out, (rate*s)**14/14!, against the second one, (rate*s)**2/2.
   real(wp), parameter :: reach = (epsilon(1.0_wp)*43589145600.0_wp)**(1.0_wp/12)
   !> Order of the first derivative that bounds leave out.
   integer, parameter :: bound_order = max_degree + 1

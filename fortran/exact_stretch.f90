@@ -315,8 +315,8 @@ contains
     end if
   end subroutine contact_end
 
-  !> A contact that begins just before a knot of a table goes on from there with a series of its own,
-  !> so that it keeps its relative precision while it is small.
+  !> A contact that begins just before a knot of a table goes on from there with a series of its
+  !> own, so that it keeps its relative precision while it is small.
   pure subroutine cross_near_knots(scene, goal, stop, curve, elapsed, found, s, x, v)
     type(scene_t), intent(in) :: scene         !! scene
     type(target_t), intent(inout) :: goal      !! release

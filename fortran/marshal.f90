@@ -8,6 +8,7 @@ module lapwing_marshal
       event_release, event_engage, &
       event_chatter_end, event_kink, event_near_graze, status_ok, status_too_many_events, &
       status_too_many_steps, status_step_too_small, status_not_finite, status_unfinished
+  use lapwing_damped, only: damped
   use lapwing_event_search, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
   use lapwing_method, only: moved_by
@@ -18,20 +19,22 @@ module lapwing_marshal
   use lapwing_run, only: run_to, deadline_in
   use lapwing_state_blob, only: blob_size, work_size, pack_blob, unpack_blob
   use lapwing_sweep, only: sweep_t, line_t, sweep_lines, prepare_sweep
+  use lapwing_tangent_map, only: tangent_columns
   use lapwing_transmission_error, only: te_table_t, te_table, expand_at, locate_piece
   implicit none
   private
   public :: all_sizes, all_codes, evaluate, go_on_with_trajectory, go_on_with_sweep
 
   !> force, Omega, flank scale, peak-to-peak of g, xi, epsilon, theta0, rtol, chatter tolerance,
-  !> count depth, graze distance
-  integer, parameter :: n_reals = 11
+  !> count depth, graze distance, slowest and fastest impact binned
+  integer, parameter :: n_reals = 13
   !> contact law, impact law, gap, back_flank_te, largest numbers of events and of steps in a
-  !> cycle; events, impacts, grazes, strobe, cycles wanted; settling cycles, recorded cycles; method
-  integer, parameter :: n_choices = 14
+  !> cycle; events, impacts, grazes, strobe, cycles wanted; settling cycles, recorded cycles;
+  !> method; tangent maps wanted
+  integer, parameter :: n_choices = 15
 
-  integer(c_int), parameter :: all_sizes(7) = [blob_size, work_size, log_columns, cycle_columns, &
-      sample_columns, n_reals, n_choices]
+  integer(c_int), parameter :: all_sizes(8) = [blob_size, work_size, log_columns, cycle_columns, &
+      sample_columns, n_reals, n_choices, tangent_columns]
   integer(c_int), parameter :: all_codes(33) = [separation, engagement, back_engagement, &
       no_flank, drive_flank, coast_flank, event_impact, event_impact + 1, event_release, &
       event_release + 1, event_engage, event_engage + 1, event_chatter_end, &
@@ -97,16 +100,19 @@ contains
     type(recorder_t) :: recorder
     recorder%count_depth = reals(10)
     recorder%graze_distance = reals(11)
+    recorder%density%low = reals(12)
+    recorder%density%high = reals(13)
     recorder%want_events = choices(7) == 1
     recorder%want_impacts = choices(8) == 1
     recorder%want_grazes = choices(9) == 1
     recorder%want_strobe = choices(10) == 1
     recorder%want_cycles = choices(11) == 1
+    recorder%want_tangent = choices(15) == 1
   end function recorder_from
 
   !> See `api`.
   subroutine go_on_with_trajectory(knots, coefficients, kinks, series, reals, choices, start, &
-      target, seconds, blob, sample_time, samples, log, cycles, done)
+      target, seconds, blob, sample_time, samples, log, cycles, tangent, done)
     real(c_double), intent(in) :: knots(:)                          !! mesh phase
     real(c_double), intent(in) :: coefficients(:, :)                !! (6, n)
     integer(c_int), intent(in) :: kinks(:)                          !! 1: slope jump
@@ -121,6 +127,7 @@ contains
     real(c_double), intent(inout), target, contiguous :: samples(:, :)      !! (3, n)
     real(c_double), intent(inout), target, contiguous :: log(:, :)          !! (6, room)
     real(c_double), intent(inout), target, contiguous :: cycles(:, :)       !! (17, room)
+    real(c_double), intent(inout), target, contiguous :: tangent(:, :)      !! (13, room)
     real(c_double), intent(out) :: done(8)                          !! how far it came
     class(oscillator_t), allocatable :: system
     type(numerics_t) :: numerics
@@ -143,6 +150,8 @@ contains
     end if
     recorder%log => log
     recorder%cycles => cycles
+    recorder%tangent => tangent
+    if (recorder%want_tangent) recorder%contact = damped(0.5_wp*system%damping)
     ! f2py passes no empty array: a single sample before the first cycle means none.
     if (sample_time(1, 1) >= 0) then
       recorder%sample_time => sample_time
@@ -158,7 +167,7 @@ contains
 
   !> See `api`.
   subroutine go_on_with_sweep(knots, coefficients, kinks, series, reals, choices, lines, starts, &
-      seconds, n_threads, blobs, cycles, log, outcome)
+      seconds, n_threads, blobs, cycles, tangent, density, log, outcome)
     real(c_double), intent(in) :: knots(:)                          !! mesh phase
     real(c_double), intent(in) :: coefficients(:, :)                !! (6, n)
     integer(c_int), intent(in) :: kinks(:)                          !! 1: slope jump
@@ -171,6 +180,8 @@ contains
     integer(c_int), intent(in) :: n_threads                         !! threads
     real(c_double), intent(inout) :: blobs(:, :)                    !! runs under way
     real(c_double), intent(inout), target, contiguous :: cycles(:, :, :)   !! (17, record, points)
+    real(c_double), intent(inout), target, contiguous :: tangent(:, :, :)  !! (13, record, points)
+    real(c_double), intent(inout), target, contiguous :: density(:, :)     !! (bins, points) or 1
     real(c_double), intent(inout), target, contiguous :: log(:, :, :)      !! (6, room, points)
     real(c_double), intent(inout), target, contiguous :: outcome(:, :)     !! (columns, points)
     type(sweep_t) :: sweep
@@ -189,6 +200,8 @@ contains
     sweep%settle = choices(12)
     sweep%record = choices(13)
     sweep%cycles => cycles
+    sweep%tangent => tangent
+    if (size(density, 1) > 1) sweep%density => density
     sweep%log => log
     sweep%outcome => outcome
     do i = 1, size(line)

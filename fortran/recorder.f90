@@ -3,10 +3,13 @@ module lapwing_recorder
   use lapwing_kinds, only: wp
   use lapwing_codes, only: separation, engagement, drive_flank, coast_flank, event_impact, &
       event_near_graze, event_kind
+  use lapwing_damped, only: damped_t
   use lapwing_event_search, only: work_t
   use lapwing_hybrid_state, only: segment_t, event_t
   use lapwing_polynomial, only: max_degree, horner, bernstein, critical_points
+  use lapwing_speed_density, only: speed_density_t, count_speed
   use lapwing_system, only: system_t, instant_t, frame_t, max_states
+  use lapwing_tangent_map, only: tangent_t, carry_along, jump, tangent_row
   implicit none
   private
   public :: recorder_t, sums_t, record_segment, start_recording, log_columns, cycle_columns
@@ -37,6 +40,7 @@ module lapwing_recorder
     real(wp) :: grazes_known_to = -1           !! near-grazes of the stretch up to here are logged
     integer :: n_flights = 0                   !! flights of the cycle ended by an impact
     real(wp) :: flight(max_flights) = 0        !! their depths, negative: at the coast flank
+    type(tangent_t) :: tangent                 !! tangent map since the cycle began
   end type sums_t
 
   !> What is wanted, and where it goes.
@@ -46,12 +50,16 @@ module lapwing_recorder
     logical :: want_grazes = .false.           !! near-grazes
     logical :: want_strobe = .false.           !! state at the beginning of each cycle
     logical :: want_cycles = .false.           !! statistics of each cycle
+    logical :: want_tangent = .false.          !! tangent map of each cycle; wants the strobe too
+    type(damped_t) :: contact                  !! deviations in contact, for the tangent map
     real(wp) :: graze_distance = 0             !! what is near, rad
     real(wp) :: count_depth = 0.01_wp          !! least depth of a counted flight / cycle's depth
     real(wp), pointer, contiguous :: log(:, :) => null()           !! (log_columns, room)
     real(wp), pointer, contiguous :: cycles(:, :) => null()        !! (cycle_columns, room)
+    real(wp), pointer, contiguous :: tangent(:, :) => null()       !! (tangent_columns, room)
     real(wp), pointer, contiguous :: sample_time(:, :) => null()   !! (2, n): cycle, time in it
     real(wp), pointer, contiguous :: samples(:, :) => null()       !! (sample_columns, n)
+    type(speed_density_t) :: density           !! speeds of impacts
     type(sums_t) :: sums
   end type recorder_t
 
@@ -90,11 +98,16 @@ contains
     end if
     if (self%want_strobe .or. self%want_cycles) call strobe(self, system, segment, before)
     if (self%want_cycles) call measure(self, system, segment, work)
+    if (self%want_tangent) then
+      call carry_along(self%sums%tangent, system, self%contact, segment, before)
+    end if
     if (segment%cycle_completed .and. (self%want_strobe .or. self%want_cycles)) then
       call close_cycle(self, segment)
     end if
+    if (self%want_tangent) call jump(self%sums%tangent, system, self%contact, segment)
     do i = 1, segment%n_events
       call log_line(self, segment%events(i))
+      call count_speed(self%density, segment%events(i))
       if (self%want_cycles) call count_event(self, segment%events(i))
     end do
   end subroutine record_segment
@@ -261,6 +274,12 @@ contains
         self%cycles(:, sums%n_cycles) = [real(segment%cycle, wp), sums%strobe, &
             sums%counter(1:2), real([counted, counted_back], wp), sums%counter(3:8), &
             sums%cycle_depth, sums%back_penetration, real(sums%states_visited, wp)]
+      end if
+      if (self%want_tangent) then
+        if (sums%n_cycles <= size(self%tangent, 2)) then
+          self%tangent(:, sums%n_cycles) = tangent_row(sums%tangent)
+        end if
+        sums%tangent = tangent_t()
       end if
       sums%strobe_due = .true.
       sums%counter = 0

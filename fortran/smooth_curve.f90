@@ -14,8 +14,8 @@ module lapwing_smooth_curve
   use lapwing_transmission_error, only: te_table_t
   implicit none
   private
-  public :: curve_t, scene_t, launch, expand_launch, curve_at, curve_taylor, flank_taylor, rest_after
-  public :: acceleration_at, free_state, fly_from
+  public :: curve_t, scene_t, launch, expand_launch, curve_at, curve_taylor, flank_taylor
+  public :: rest_after, acceleration_at, free_state, fly_from
 
   !> What all stretches of an oscillator have in common.
   type :: scene_t

@@ -5,6 +5,7 @@ module lapwing_state_blob
   use lapwing_hybrid_state, only: hybrid_state_t
   use lapwing_recorder, only: sums_t, max_flights
   use lapwing_system, only: max_states
+  use lapwing_tangent_map, only: tangent_t
   implicit none
   private
   public :: blob_size, work_size, pack_blob, unpack_blob, pack_work
@@ -12,7 +13,9 @@ module lapwing_state_blob
   integer, parameter :: work_size = 9
   !> The counts come first: Python reads them there.
   integer, parameter :: at = work_size
-  integer, parameter :: fixed_size = at + 36 + max_states
+  integer, parameter :: tangent_size = 13
+  integer, parameter :: tangent_at = at + 36 + max_states
+  integer, parameter :: fixed_size = tangent_at + tangent_size
   integer, parameter :: blob_size = fixed_size + max_flights
 
 contains
@@ -37,7 +40,8 @@ contains
     blob(at + 21:at + 28) = sums%counter
     blob(at + 29:at + 36) = [sums%flight_depth, sums%cycle_depth, sums%back_penetration, &
         sums%strobe, sums%flight_depth_before, sums%grazes_known_to]
-    blob(at + 37:fixed_size) = state%instant%y
+    blob(at + 37:tangent_at) = state%instant%y
+    blob(tangent_at + 1:fixed_size) = pack_tangent(sums%tangent)
     n = sums%n_flights
     blob(fixed_size + 1:fixed_size + n) = sums%flight(1:n)
   end subroutine pack_blob
@@ -57,7 +61,7 @@ contains
       instant%cycle = number(4)
       instant%piece = number(5)
       instant%t = blob(at + 8)
-      instant%y = blob(at + 37:fixed_size)
+      instant%y = blob(at + 37:tangent_at)
     end associate
     state%events_in_cycle = number(6)
     state%steps_in_cycle = number(7)
@@ -76,6 +80,7 @@ contains
     sums%strobe = blob(at + 32:at + 34)
     sums%flight_depth_before = blob(at + 35)
     sums%grazes_known_to = blob(at + 36)
+    sums%tangent = unpack_tangent(blob(tangent_at + 1:fixed_size))
     work = unpack_work(blob(1:work_size))
     n = sums%n_flights
     sums%flight(1:n) = blob(fixed_size + 1:fixed_size + n)
@@ -95,4 +100,26 @@ contains
     work = work_t(array(1), array(2), array(3), array(4), array(5), array(6), array(7), array(8), &
         array(9))
   end function unpack_work
+
+  pure function pack_tangent(tangent) result(array)
+    type(tangent_t), intent(in) :: tangent   !! tangent map since the cycle began
+    real(wp) :: array(tangent_size)
+    array = [tangent%m, real([tangent%exponent, tangent%det_sign, tangent%rank, &
+        tangent%impacts], wp), tangent%log_det, tangent%contact_time, tangent%log_rebound, &
+        tangent%graze_depth]
+  end function pack_tangent
+
+  pure function unpack_tangent(array) result(tangent)
+    real(wp), intent(in) :: array(tangent_size)
+    type(tangent_t) :: tangent
+    tangent%m = reshape(array(1:4), [2, 2])
+    tangent%exponent = nint(array(5))
+    tangent%det_sign = nint(array(6))
+    tangent%rank = nint(array(7))
+    tangent%impacts = nint(array(8))
+    tangent%log_det = array(9)
+    tangent%contact_time = array(10:11)
+    tangent%log_rebound = array(12)
+    tangent%graze_depth = array(13)
+  end function unpack_tangent
 end module lapwing_state_blob

@@ -6,6 +6,7 @@
 module lapwing_sweep
   use lapwing_kinds, only: wp, int64
   use lapwing_codes, only: status_ok, status_unfinished
+  use lapwing_damped, only: damped
   use lapwing_event_search, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
   use lapwing_method, only: moved_by
@@ -35,7 +36,9 @@ module lapwing_sweep
     integer :: settle = 0                                          !! cycles before recording
     integer :: record = 0                                          !! cycles recorded
     real(wp), pointer, contiguous :: cycles(:, :, :) => null()     !! (columns, record, n_points)
+    real(wp), pointer, contiguous :: tangent(:, :, :) => null()    !! (columns, record, n_points)
     real(wp), pointer, contiguous :: log(:, :, :) => null()        !! (columns, room, n_points)
+    real(wp), pointer, contiguous :: density(:, :) => null()       !! (bins + 2, n_points) or null
     real(wp), pointer, contiguous :: outcome(:, :) => null()       !! (4 + work_size, n_points)
   end type sweep_t
 
@@ -176,7 +179,7 @@ contains
       if (status /= status_ok) return
       line%stage = stage_prepare
     end if
-    call point_at_output(sweep, line, recorder)
+    call point_at_output(sweep, system, line, recorder)
     if (line%stage == stage_prepare) then
       recorder%want_impacts = .false.
       call run_to(system, sweep%numerics, sweep%settle, target_t, deadline, state, recorder, &
@@ -186,6 +189,7 @@ contains
       recorder%want_impacts = sweep%recorder%want_impacts
       line%stage = stage_record
     end if
+    if (associated(sweep%density)) recorder%density%counts => sweep%density(:, line%point)
     final_time(:, 1) = [real(sweep%settle + sweep%record, wp), target_t]
     recorder%sample_time => final_time
     recorder%samples => final
@@ -196,12 +200,16 @@ contains
   end subroutine run_point
 
   !> Let a recorder write where the point's results go.
-  subroutine point_at_output(sweep, line, recorder)
+  subroutine point_at_output(sweep, system, line, recorder)
     type(sweep_t), intent(in) :: sweep               !! the sweep
+    class(oscillator_t), intent(in) :: system        !! the point's oscillator
     type(line_t), intent(in) :: line                 !! the line
     type(recorder_t), intent(inout) :: recorder      !! recorder
     recorder%cycles => sweep%cycles(:, :, line%point)
     recorder%log => sweep%log(:, :, line%point)
+    if (.not. recorder%want_tangent) return
+    recorder%tangent => sweep%tangent(:, :, line%point)
+    recorder%contact = damped(0.5_wp*system%damping)
   end subroutine point_at_output
 
   !> Write a point's outcome, and make the next one ready.

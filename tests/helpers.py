@@ -1,15 +1,17 @@
 """What several test files share: gears, scenes, and short ways to read a run."""
 
+import math
 from pathlib import Path
 
 import numpy as np
 
-from lapwing import EventKind, GearPair, Oscillator, TransmissionError
+from lapwing import EventKind, GearPair, MotionState, Oscillator, TransmissionError
 
 ROOT = Path(__file__).parents[1]
 EPS = float(np.finfo(float).eps)
 PAIR = GearPair(25, 32, 0.0078, 0.026, 0.034, 3.12e8, 0.002, 0.8, damping_ratio=0.1)
 SHIPPED = TransmissionError.from_file(ROOT / "inputs" / "te_25x32.csv")
+COSINE = TransmissionError.harmonic([1.0])
 FLAT = TransmissionError.from_hermite([0.0], [0.0], [0.0])
 
 
@@ -35,6 +37,22 @@ def oscillator(te=FLAT, *, force=1.0, period=1000.0, restitution=0.8, backlash=1
     """A dimensionless oscillator; unless told otherwise on a flat table in a wide gap."""
     return Oscillator(te, force=force, mesh_frequency_ratio=2 * np.pi / period,
                       restitution=restitution, backlash=backlash, **options)
+
+
+def ball(gamma, restitution, contact_law="restitution", **options):
+    """The bouncing ball g = cos u, Ω = 1, Γ = 1/F; the damping of a contact that never is."""
+    return oscillator(COSINE, force=1 / gamma, period=2 * math.pi, restitution=restitution,
+                      contact_law=contact_law, **{"damping_ratio": 0.1, **options})
+
+
+def ball_start(gamma, restitution, n=1):
+    """Its stable orbit with one impact every n cycles, at phase 0 after the impact."""
+    angle = math.pi - math.asin(n * math.pi * (1 - restitution) / (1 + restitution) / gamma)
+    speed = n * 2 * math.pi / gamma / (1 + restitution)
+    time = 2 * math.pi - angle
+    theta_dot = -math.sin(angle) - restitution * speed
+    theta = math.cos(angle) + time * (theta_dot + 0.5 * time / gamma)
+    return MotionState.SEPARATION, theta - 1.0, theta_dot + time / gamma
 
 
 def kinds(run):

@@ -12,6 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from lapwing.cli import BAD_INPUT, FAILED, INTERRUPTED, OK, app
+from lapwing.deck import load_deck
 from lapwing.results import read_results
 
 INPUTS = Path(__file__).parents[1] / "inputs"
@@ -224,3 +225,58 @@ def test_interruption_keeps_what_is_finished(tmp_path):
     with read_results(folder / "result.nc") as results:
         assert tuple(results.responses) == ("one",)
         assert (results.sweep("torque").status.values == 5).any()
+
+
+CRITICAL = """&critical name = 'T_full', find = 'full' /
+&critical name = 'T_safe', find = 'safe', from = 8, to = 8.5, count = 2, start_phases = 1,
+  start_positions = 1, start_speeds = 1, settle_cycles = 30, record_cycles = 8 /
+"""
+
+
+def test_critical_prints_and_writes_nothing(tmp_path):
+    deck = write_deck(tmp_path)
+    assert call("critical", deck).exit_code == BAD_INPUT  # no &critical in it
+    deck.write_text(deck.read_text() + CRITICAL, encoding="utf-8")
+    result = call("critical", deck, "--threads", 1)
+    assert result.exit_code == OK, result.output
+    found = re.search(r"\*\*T_full = ([0-9.]+) N·m\*\*", result.output)
+    assert 0 < float(found[1]) < 8
+    assert "**none between 8.5 and 8 N·m**: no motion rattles" in result.output
+    assert [path.name for path in tmp_path.iterdir()] == ["small.nml"]
+
+
+def test_critical_values_of_a_run(tmp_path, no_figures):
+    deck = write_deck(tmp_path)
+    deck.write_text(deck.read_text() + CRITICAL, encoding="utf-8")
+    result = call("run", deck, "--out", tmp_path / "out", "--threads", 1)
+    assert result.exit_code == OK and "T_full: complete engagement: T_full = " in result.output
+    assert "2 critical values" in call("check", deck).output
+    with read_results(tmp_path / "out" / "small" / "result.nc") as results:
+        assert results.criticals == ("T_full", "T_safe")
+        assert results.critical("T_safe").attrs["outcome"] == "safe_throughout"
+    summary = (tmp_path / "out" / "small" / "summary.md").read_text(encoding="utf-8")
+    assert summary.index("## Critical values") < summary.index("## Sweep torque")
+    again = call("run", deck, "--out", tmp_path / "out", "--set", "critical.T_safe.count=3")
+    assert again.exit_code == BAD_INPUT and "critical.T_safe.values" in again.output
+
+
+def test_full_engagement_of_a_sweep_knows_the_driving_torque(tmp_path, no_figures):
+    """With the driving torque given, less braking torque is needed than at balance."""
+    deck = write_deck(tmp_path)
+    found = {}
+    for drive in (None, 5.0):
+        given = ["--set", f"operation.drive_torque={drive}"] if drive else []
+        out = tmp_path / f"out{drive}"
+        assert call("run", deck, "--out", out, "--threads", 1, *given).exit_code == OK
+        with read_results(out / "small" / "result.nc") as results:
+            found[drive] = results.sweep("torque").attrs["full_engagement"]
+            force_per_torque = results.gear_pair["force_per_torque"]
+    pair = load_deck(deck).gear_pair
+    assert pair.force(found[5.0], 5.0) == pytest.approx(force_per_torque * found[None], rel=1e-12)
+
+
+def test_failed_motions_of_a_search_are_reported(tmp_path):
+    deck = write_deck(tmp_path, events=1)
+    deck.write_text(deck.read_text() + CRITICAL, encoding="utf-8")
+    result = call("critical", deck, "--set", "critical.T_safe.from=1", "--threads", 1)
+    assert result.exit_code == FAILED

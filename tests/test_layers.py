@@ -170,14 +170,18 @@ PACKAGE = ROOT / "pydriver" / "lapwing"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 # Lowest first; modules of one row may not import each other unless a row says so.
 PYTHON_LAYERS = [
-    {"codes", "transmission_error_file", "threads"},
+    {"codes", "transmission_error_file", "threads", "stability_names",
+     "spectra"},
     {"transmission_error"},
     {"oscillator"},
     {"gear_pair"},
     {"linear_response"},
+    {"rigid_contact"},
     {"deck"},
     {"engine"},
     {"studies"},
+    {"summary_words"},
+    {"summary_critical", "summary_hysteresis", "summary_stability"},
     {"summary_sweep"},
     {"results", "summary"},
     {"plots"},

@@ -1,6 +1,7 @@
 """Engaged periodic response: published numbers, independent routes, the defining equations."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import mpmath as mp
@@ -50,10 +51,29 @@ def test_one_harmonic():
     osc = PAIR.oscillator(TransmissionError.harmonic([1e-5]), brake_torque=1,
                           pinion_speed_rad_s=80)
     torque, _ = critical_torque(osc)
-    # The table's value error is 1e-12 of the amplitude.  Its mean part acts on φ through g'', that
-    # is θ'' = -2ξφ' - φ: an error δ of g moves φ by at most about δ·(1 + gain), while φ itself is
-    # only Ω²/|1 - Ω²| = 0.06 of the amplitude: 1e-12·(1 + 1)/0.06 relative.
-    assert torque == pytest.approx(0.363351256023877, rel=4e-11)
+    # A sum of one term and a minimum between steps: a few roundings.
+    assert torque == pytest.approx(0.363351256023877, rel=1e-14)
+
+
+def without_series(te):
+    """The same table, its harmonics forgotten."""
+    return replace(te, harmonics=())
+
+
+@pytest.mark.parametrize("ratio", [0.1, 0.3, 1.7])
+def test_the_series_and_its_table_agree(ratio):
+    """Two routes: the gain of each harmonic, and the pieces of the table step by step."""
+    te = TransmissionError.harmonic([1.0, 0.3, 0.1], [0.0, 1.0, 2.0])
+    exact, of_table = (critical_force(oscillator(one, ratio)) for one in (te, without_series(te)))
+    # The table is off by 1e-12 of g, 1e-10 of g', 1e-8 of g''; see the test of the gain below.
+    assert of_table.force == pytest.approx(exact.force, abs=1.4e-12 * (1 + 1 / 0.2), rel=1e-11)
+    assert of_table.phase == pytest.approx(exact.phase, abs=1e-5)
+
+
+def test_a_constant_of_the_series_moves_nothing():
+    with_constant = TransmissionError.harmonic([0.5, 1.0], [0.0, 0.4], [0, 1])
+    plain = TransmissionError.harmonic([1.0], [0.4], [1])
+    assert critical_force(oscillator(with_constant)) == critical_force(oscillator(plain))
 
 
 @pytest.mark.parametrize("ratio", [0.01, 0.3, 1.0, 7.0, 60.0])
@@ -62,19 +82,24 @@ def test_harmonics_against_the_fourier_gain(ratio, xi):
     series = [(1, 1.0, 0.0), (2, 0.3, 1.0), (3, 0.1, 2.0)]
     orders, amplitudes, shifts = zip(*series, strict=True)
     te = TransmissionError.harmonic(amplitudes, shifts, orders)
-    response = engaged_response(oscillator(te, ratio, xi))
+    response = engaged_response(oscillator(without_series(te), ratio, xi))
     phase = np.arange(400) / 400
     gains = [a * np.exp(1j * s) * (n * ratio) ** 2 / (1 - (n * ratio) ** 2 + 2j * xi * n * ratio)
              for n, a, s in series]
     exact = sum((g * np.exp(2j * np.pi * n * phase)).real
                 for g, n in zip(gains, orders, strict=True))
-    # Table error 1e-12 of g = 1.4, fed back through damping and spring.  Rounding of φ' = Ω dφ/du
-    # over all steps adds up to a mean force of at most steps·4 EPS·Ω/P per unit of φ.
+    # Of the table: error 1e-12 of g = 1.4, fed back through damping and spring; rounding of
+    # φ' = Ω dφ/du over all steps adds up to a mean force of at most steps·4 EPS·Ω/P per unit of φ.
     largest = np.abs(exact).max()
     rounding = response.edges.size * 4 * EPS * ratio**2 / (2 * math.pi) * largest
     tolerance = 1.4e-12 * (1 + 1 / (2 * xi)) + rounding + 1e-13 * largest
     assert np.allclose(response.penetration(phase), exact, rtol=0, atol=tolerance)
     assert response.minimum <= exact.min() + tolerance
+    # Of the series: the two sums differ by roundings of terms and of the phase, 20 at most.
+    of_series = engaged_response(oscillator(te, ratio, xi))
+    close = 200 * EPS * sum(map(abs, gains))
+    assert np.allclose(of_series.penetration(phase), exact, rtol=0, atol=close)
+    assert exact.min() - of_series.minimum >= -close
 
 
 def horner(ascending, s):

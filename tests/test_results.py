@@ -39,12 +39,24 @@ def swept():
 
 
 @pytest.fixture(scope="module")
-def write(responses, swept):
+def criticals():
+    """Without trials, and with those of each kind of search."""
+    few = {"starts": lapwing.StartGrid(1, 1, 1), **SWEPT}
+    return {"full": lapwing.critical_full(PAIR, SHIPPED, pinion_speed_rpm=240),
+            "speed": lapwing.critical_full(PAIR, SHIPPED, parameter="pinion_speed_rpm",
+                                           values=[100, 200, 300], safe_end="low",
+                                           brake_torque=12),
+            "safe": lapwing.critical_safe(PAIR, SHIPPED, values=[11, 14], resolution=2, **few),
+            "back": lapwing.critical_back(PAIR, SHIPPED, values=[0.3, 6], **few)}
+
+
+@pytest.fixture(scope="module")
+def write(responses, swept, criticals):
     def write_to(path, **changes):
         arguments = {
             "deck_name": "case", "deck_text": DECK, "used_text": "! used\n", "used_hash": "0a1b",
             "pair": PAIR, "te": SHIPPED, "osc": scene_a(1.0), "responses": responses,
-            "sweeps": swept, **changes}
+            "sweeps": swept, "criticals": criticals, **changes}
         write_results(path, **arguments)
         return path
 
@@ -76,6 +88,19 @@ def test_sweeps_read_back_equal(path, swept):
         torque, phase = lapwing.critical_torque(scene_a(1.0))
         assert found.attrs["full_engagement"] == torque
         assert found.attrs["full_engagement_phase"] == phase
+
+
+def test_critical_values_read_back_equal(path, criticals):
+    with read_results(path) as results:
+        assert results.criticals == ("full", "speed", "safe", "back")
+        for order, (name, given) in enumerate(criticals.items()):
+            found = results.critical(name)
+            assert dataset_bytes(found) == dataset_bytes(given)
+            for key, value in {**given.attrs, "name": name, "order": order}.items():
+                np.testing.assert_equal(found.attrs[key], value, err_msg=key)
+        assert results.critical("safe")["trial_value"].attrs["units"] == "N m"
+        assert results.critical("speed")["trial_value"].attrs["units"] == "rpm"
+        assert "scan" in results.critical("safe")["trial_stage"].attrs["flag_meanings"]
 
 
 def test_claims_stand_beside_the_sweep(path):
@@ -165,6 +190,9 @@ def test_every_variable_is_described(path):
     with read_results(path) as results:
         groups = [results.transmission_error, *map(results.response, results.responses),
                   *map(results.sweep, results.sweeps)]
+        for group in map(results.critical, results.criticals):
+            assert all(variable.attrs["long_name"] != str(name).replace("_", " ")
+                       for name, variable in group.variables.items())
         for group in groups:
             for name, variable in group.variables.items():
                 assert {name, str(name).removeprefix("cycle_")} & DESCRIPTIONS.keys(), name
@@ -185,6 +213,7 @@ def test_cf_conventions(path, tmp_path):
     CheckSuite.load_all_available_checkers()
     with read_results(path) as results:
         groups = {"te": results.transmission_error, "z": results.response("z"),
+                  **{name: results.critical(name) for name in ("speed", "safe", "back")},
                   "sweep": results.sweep("torque").drop_vars("start")}
         for name, group in groups.items():
             flat = described(group.load()).assign_attrs(

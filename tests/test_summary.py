@@ -19,7 +19,7 @@ from lapwing.summary import (
     summary_text,
     with_error,
 )
-from lapwing.summary_sweep import _runs
+from lapwing.summary_hysteresis import _runs
 
 SHORT = {"settle_cycles": 60, "record_cycles": 24, "samples_per_cycle": 32}
 

@@ -32,6 +32,7 @@ Examples:
   lapwing run my_pair.nml                   compute it into results/my_pair/
   lapwing run decks/*.nml --threads 8       several decks; a bad one stops no other
   lapwing run my_pair.nml --set operation.brake_torque=2 --out trial
+  lapwing critical my_pair.nml              its critical values alone, printed
   lapwing plot results/my_pair/result.nc    draw its figures again
   lapwing bench                             speed against error on this machine
 """)
@@ -80,6 +81,28 @@ def run(decks: Decks,
         progress = Progress()
     for deck in loaded:
         code = _worst(code, _run(deck, out, threads or default_threads(), force, progress))
+        if code == INTERRUPTED:
+            break
+    raise typer.Exit(code)
+
+
+@app.command()
+def critical(decks: Decks,
+             threads: Annotated[int, typer.Option(
+                 min=0, help="threads; 0: OMP_NUM_THREADS, SLURM_CPUS_PER_TASK or all processors")
+             ] = 0,
+             setting: Settings = []):  # noqa: B006
+    """Find the critical values of decks (&critical) alone and print them; nothing is written.
+
+    \b
+    Example:
+      lapwing critical inputs/critical_25x32.nml
+    """  # noqa: D301
+    from lapwing.threads import default_threads
+
+    loaded, code = _load(decks, setting)
+    for deck in loaded:
+        code = _worst(code, _critical(deck, threads or default_threads()))
         if code == INTERRUPTED:
             break
     raise typer.Exit(code)
@@ -206,7 +229,8 @@ def bench(scene: Annotated[list[str], typer.Option(
 
 def _studies(deck):
     """How much there is to do."""
-    counts = ((len(deck.responses), "response"), (len(deck.sweeps), "sweep"))
+    counts = ((len(deck.responses), "response"), (len(deck.sweeps), "sweep"),
+              (len(deck.criticals), "critical value"))
     return ", ".join(f"{n} {word}{'s' if n != 1 else ''}" for n, word in counts)
 
 
@@ -291,6 +315,25 @@ def _run(deck, out, threads, force, progress):
     if outcome.interrupted:
         return INTERRUPTED
     return FAILED if outcome.failed or outcome.undrawn else OK
+
+
+def _critical(deck, threads):
+    """Search and print the critical values of one deck; returns its exit code."""
+    from lapwing.studies.critical_of_deck import critical_study
+    from lapwing.summary_critical import critical_text
+
+    if not deck.criticals:
+        _complain(f"{deck.path}: no &critical in this deck")
+        return BAD_INPUT
+    try:
+        found = [critical_study(deck, study, threads).assign_attrs(name=study.name)
+                 for study in deck.criticals]
+    except KeyboardInterrupt:
+        _complain(f"{deck.stem}: interrupted")
+        return INTERRUPTED
+    print(f"# {deck.stem}\n\n" + "\n".join(critical_text(found)))
+    failed = any("trial_failed" in one and int(one["trial_failed"].sum()) for one in found)
+    return FAILED if failed else OK
 
 
 def _worst(one, other):

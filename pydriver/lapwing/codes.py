@@ -1,4 +1,4 @@
-"""Named integer codes, the same numbers as in the Fortran engine.
+"""Named integer codes; all but `SearchStage` are the same numbers as in the Fortran engine.
 
 Input choices (`contact_law`, `impact_law`, `gap`) are spelled in lower case in decks and keywords:
 ``ContactLaw[name.upper()]`` is the engine's number.
@@ -78,3 +78,13 @@ class Status(IntEnum):
     STEP_TOO_SMALL = 3
     NOT_FINITE = 4
     UNFINISHED = 5
+
+
+class SearchStage(IntEnum):
+    """Why a value was tried in the search for a critical value; the engine knows nothing of it."""
+
+    SCAN = 0
+    BISECTION = 1
+    CARRIED = 2
+    CONFIRMATION = 3
+    FURTHER = 4

@@ -21,8 +21,8 @@ LOG_ROOM = 1 << 16
 MAX_INT = 2**31 - 1
 LINE_DONE = 4  # sweep.f90, stage_done
 
-(BLOB_SIZE, WORK_SIZE, LOG_COLUMNS, CYCLE_COLUMNS, SAMPLE_COLUMNS, N_REALS, N_CHOICES) = (
-    int(n) for n in api.sizes())
+(BLOB_SIZE, WORK_SIZE, LOG_COLUMNS, CYCLE_COLUMNS, SAMPLE_COLUMNS, N_REALS, N_CHOICES,
+ TANGENT_COLUMNS) = (int(n) for n in api.sizes())
 
 WORK_NAMES = ("steps", "rejected_steps", "polish_steps", "drive_flank_searches",
               "coast_flank_searches", "samples", "depth_searches", "graze_searches",
@@ -31,6 +31,9 @@ CYCLE_NAMES = ("cycle", "motion_state", "phi", "phi_dot", "impacts", "back_impac
                "counted_impacts", "counted_back_impacts", "releases", "back_releases", "engages",
                "back_engages", "chatter_ends", "back_chatter_ends", "deepest_separation",
                "deepest_back_penetration", "states_visited")
+# Lines of the tangent map: fortran/tangent_map.f90.
+TANGENT_NAMES = ("m11", "m12", "m21", "m22", "exponent", "log_det", "det_sign", "rank",
+                 "drive_time", "coast_time", "impacts", "log_rebound", "graze_depth")
 
 # How `trajectory` is told to begin, besides the number of a motion state.
 GO_ON, REST = -2.0, -1.0
@@ -90,14 +93,19 @@ class Numerics:
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """What a run records; what is not named is neither computed nor stored."""
+    """What a run records; what is not named is neither computed nor stored.
+
+    `speed_edges` (rad per τ, of equal ratio; sweeps only) are the bins of impact speeds.
+    """
 
     events: bool = False
     impacts: bool = False
     grazes: bool = False
     strobe: bool = False
     cycles: bool = False
+    tangent: bool = False
     graze_distance: float = 0.0
+    speed_edges: tuple = ()
 
 
 def _table_arguments(oscillators, method="rk4"):
@@ -107,7 +115,8 @@ def _table_arguments(oscillators, method="rk4"):
     to the middle of its range, so that a large constant costs no digits.
     """
     te = oscillators[0].te
-    if method == "exact" and 0 < len(te.harmonics) <= MAX_TERMS:  # the closed form takes the series itself
+    # The closed form takes the series itself.
+    if method == "exact" and 0 < len(te.harmonics) <= MAX_TERMS:
         return (np.array([0.0, 1.0]), np.zeros((6, 1), order="F"), np.zeros(1, dtype=np.intc),
                 np.asfortranarray(te.harmonics.T))
     coefficients = np.asfortranarray(te.coefficients.T.copy())
@@ -154,14 +163,16 @@ def _real_parameters(osc, numerics, method, wanted):
     low, high = osc.flank_extrema
     return [osc.force, osc.mesh_frequency_ratio, osc.flank_scale, high - low, osc.damping_ratio,
             osc.restitution, osc.backlash, numerics.rtol, chatter_tol, numerics.count_depth,
-            wanted.graze_distance]
+            wanted.graze_distance, *(wanted.speed_edges[::len(wanted.speed_edges) - 1]
+                                     if wanted.speed_edges else (1.0, 2.0))]
 
 
 def _choices(osc, numerics, method, wanted, settle=0, record=0):
     codes = (ContactLaw[osc.contact_law.upper()], ImpactLaw[osc.impact_law.upper()],
              Gap[osc.gap.upper()], osc.back_flank_te, numerics.max_events_per_cycle,
              numerics.max_steps_per_cycle, wanted.events, wanted.impacts, wanted.grazes,
-             wanted.strobe, wanted.cycles, settle, record, Method[method.upper()])
+             wanted.strobe or wanted.tangent, wanted.cycles, settle, record,
+             Method[method.upper()], wanted.tangent)
     return np.array([int(code) for code in codes], dtype=np.intc)
 
 
@@ -186,7 +197,8 @@ class TrajectoryCall:
     """One trajectory under way: repeated bounded calls from a start, or from a blob, to a target.
 
     After `run`, `log` is (n, 6): kind, cycle, t, phi, velocity before and after; `cycles` is
-    (n, 17), columns CYCLE_NAMES; `samples` is (n, 3): motion state, phi, phi'.
+    (n, 17), columns CYCLE_NAMES; `tangent`, where it is wanted, (n, 13), columns TANGENT_NAMES;
+    `samples` is (n, 3): motion state, phi, phi'.
     """
 
     def __init__(self, osc, start, blob=None, cycle=0, *, numerics, wanted):
@@ -203,28 +215,31 @@ class TrajectoryCall:
         """Go on until the target (cycle, t); `sample_times` is (n, 2), cycle and t, rising."""
         wants_log = self._wanted.events or self._wanted.grazes
         log = np.zeros((LOG_COLUMNS, LOG_ROOM if wants_log else 1), order="F")
-        room = 4096 if self._wanted.cycles or self._wanted.strobe else 1
+        by_cycle = self._wanted.cycles or self._wanted.strobe or self._wanted.tangent
+        room = 4096 if by_cycle else 1
         samples = np.full((SAMPLE_COLUMNS, len(sample_times)), np.nan, order="F")
         times = np.asfortranarray(np.asarray(sample_times, dtype=float).reshape(-1, 2).T)
-        logs, cycles, sampled, cycle = [], [], 0, self.cycle
+        logs, cycles, tangents, sampled, cycle = [], [], [], 0, self.cycle
         while True:
             # The engine drops what has no room, so the target of a call stays within the table.
             step_target = target
             if room > 1 and target[0] - cycle > room:
                 step_target = (cycle + room, 0.0)
             table = np.zeros((CYCLE_COLUMNS, room), order="F")
+            tangent = np.zeros((TANGENT_COLUMNS, room if self._wanted.tangent else 1), order="F")
             rest = np.full((SAMPLE_COLUMNS, max(1, samples.shape[1] - sampled)), np.nan, order="F")
             rest_times = np.asfortranarray(times[:, sampled:] if sampled < times.shape[1]
                                            else NO_SAMPLE)
             done = api.trajectory(
                 *self._fixed, self._start, np.array(step_target, dtype=float), CALL_SECONDS,
-                self.blob, rest_times, rest, log, table)
+                self.blob, rest_times, rest, log, table, tangent)
             self._start[0] = GO_ON
             taken = int(np.count_nonzero(~np.isnan(rest[0])))
             samples[:, sampled:sampled + taken] = rest[:, :taken]
             sampled += taken
             logs.append(log[:, :int(done[1])].T.copy())
             cycles.append(table[:, :int(done[2])].T.copy())
+            tangents.append(tangent[:, :int(done[2])].T.copy())
             cycle = int(done[3])
             status = Status(int(done[0]))
             if status != Status.UNFINISHED and (status != Status.OK or step_target == target):
@@ -233,6 +248,7 @@ class TrajectoryCall:
         self.cycle, self.t, self.motion_state, self.phi, self.phi_dot = (
             cycle, done[4], int(done[5]), done[6], done[7])
         self.log, self.cycles, self.samples = np.vstack(logs), np.vstack(cycles), samples.T
+        self.tangent = np.vstack(tangents) if self._wanted.tangent else None
         return self
 
     @property
@@ -250,11 +266,14 @@ def work_counts(array):
 class SweepResult:
     """Arrays of a sweep: outcome (points, 5 + work), cycles (points, record, 17), log rows.
 
+    `tangent` is (points, record, 13) where it was wanted, `density` (points, bins + 2);
     `cpu_seconds` is the processor time spent inside the compiled engine.
     """
 
     outcome: np.ndarray
     cycles: np.ndarray
+    tangent: np.ndarray
+    density: np.ndarray
     log: np.ndarray
     interrupted: bool = False
     cpu_seconds: float = 0.0
@@ -292,8 +311,12 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
     table = np.asfortranarray(table.T)
     starts = np.asfortranarray(np.array(starts, dtype=float).reshape(-1, 4).T)
     blobs = np.zeros((BLOB_SIZE, len(lines)), order="F")
-    wants_cycles = wanted.cycles or wanted.strobe
+    wants_cycles = wanted.cycles or wanted.strobe or wanted.tangent
     cycles = np.full((CYCLE_COLUMNS, record if wants_cycles else 1, n), np.nan, order="F")
+    tangent = np.full((TANGENT_COLUMNS, *((record, n) if wanted.tangent else (1, 1))), np.nan,
+                      order="F")
+    density = np.zeros((len(wanted.speed_edges) + 1, n) if wanted.speed_edges else (1, 1),
+                       order="F")
     log = np.full((LOG_COLUMNS, log_room if wanted.impacts else 1, n), np.nan, order="F")
     outcome = np.full((5 + WORK_SIZE, n), np.nan, order="F")
     outcome[0] = Status.UNFINISHED
@@ -303,7 +326,7 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
         while np.any(table[4] < LINE_DONE):
             begun = time.process_time()
             api.sweep(*table_arguments, reals, choices, table, starts, CALL_SECONDS, threads,
-                      blobs, cycles, log, outcome)
+                      blobs, cycles, tangent, density, log, outcome)
             cpu_seconds += time.process_time() - begun
             if progress is not None:
                 progress(float(np.mean(outcome[0] != Status.UNFINISHED)))
@@ -312,9 +335,11 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
             raise
         interrupted = True
         cycles[:, :, outcome[0] == Status.UNFINISHED] = np.nan
+        if wanted.tangent:
+            tangent[:, :, outcome[0] == Status.UNFINISHED] = np.nan
         log[:, :, outcome[0] == Status.UNFINISHED] = np.nan
-    return SweepResult(outcome.T, cycles.transpose(2, 1, 0), log.transpose(2, 1, 0), interrupted,
-                       cpu_seconds)
+    return SweepResult(outcome.T, cycles.transpose(2, 1, 0), tangent.transpose(2, 1, 0),
+                       density.T, log.transpose(2, 1, 0), interrupted, cpu_seconds)
 
 
 def position(phase, cycles, period):

@@ -1,7 +1,8 @@
 """The result file: everything a run found, in one netCDF-4 file with one group per thing.
 
-Groups `gear_pair`, `transmission_error`, `response_<name>` and `sweep_<name>`; provenance and the
-deck at the root.  Figures and summary are made from the file alone: nothing here needs the engine.
+Groups `gear_pair`, `transmission_error`, `response_<name>`, `sweep_<name>`, `critical_<name>`;
+provenance and the deck at the root.  Figures and summary are made from the file alone: nothing
+here needs the engine.
 """
 
 from __future__ import annotations
@@ -13,13 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
-from lapwing.codes import EventKind, Flank, MotionState, Status
+from lapwing.codes import EventKind, Flank, MotionState, SearchStage, Status
+from lapwing.stability_names import STABILITY
 
 CONVENTIONS = "CF-1.11"
 # Variables larger than this are compressed; the rest is small beside the file's own overhead.
 COMPRESS_ABOVE = 1000
 CODES = {"status": Status, "motion_state": MotionState, "event_kind": EventKind,
-         "impact_flank": Flank}
+         "impact_flank": Flank, "trial_stage": SearchStage}
 VELOCITY = "per unit of dimensionless time tau = natural_frequency * t"
 # Units (UDUNITS) and long names by variable; a cycle_X is described as X.
 DESCRIPTIONS = {
@@ -58,7 +60,15 @@ DESCRIPTIONS = {
     "states_visited": (None, "motion states visited"),
     "status": (None, "how the run ended"),
     "force": ("rad", "mean force F of the dimensionless oscillator"),
+    "motion_class": (None, "p:(i,j), i drive and j coast impacts in p mesh cycles; c: complete "
+                     "chatter"),
     "period": ("1", "period in mesh cycles, 0: none found"),
+    **STABILITY,
+    "speed_edge": ("rad", f"edges of the bins of impact speed, {VELOCITY}"),
+    "impact_speed_density": ("1", "impacts per mesh cycle in a bin of speed, either flank"),
+    "order": ("1", "mesh order, multiples of the mesh frequency"),
+    "order_spectrum": ("rad", "amplitude of phi by mesh order, Hann window"),
+    "slow_impacts": ("1", "impacts per mesh cycle slower than the first bin"),
     "start": (None, "how each value was begun"),
     "recorded_cycle": ("1", "recorded mesh cycle"),
     "impact_phase": ("1", "mesh phase of the impact, in mesh periods"),
@@ -96,7 +106,7 @@ DERIVED = ("gear_ratio", "equivalent_inertia", "natural_frequency", "torsional_s
 
 
 def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te, osc, responses,
-                  sweeps, te_source=None):
+                  sweeps, criticals=None, te_source=None):
     """Write the result file under a temporary name, flush it to the disk, and rename it.
 
     A reader sees the old file or the new one, never a part; the same arguments give the same
@@ -112,6 +122,7 @@ def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te,
     osc : Oscillator, at the deck's operating point; says how the table becomes the flank's motion
     responses : sequence of Dataset, from `lapwing.studies.response.response`, in deck order
     sweeps : dict of name -> Dataset, from `lapwing.sweep`, in deck order
+    criticals : dict of name -> Dataset, from `lapwing.critical_full` and the like, or None
     te_source : str or None, the table's file name or formula; default: what the table tells
 
     Raises
@@ -135,6 +146,8 @@ def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te,
         groups[f"response_{response.attrs['name']}"] = response.assign_attrs(order=order)
     for order, (name, sweep) in enumerate(sweeps.items()):
         groups[f"sweep_{name}"] = _labelled(sweep, name, order, osc, responses)
+    for order, (name, critical) in enumerate((criticals or {}).items()):
+        groups[f"critical_{name}"] = critical.assign_attrs(name=name, order=order)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         for mode, (name, dataset) in zip("w" + "a" * len(groups), groups.items(), strict=False):
@@ -169,7 +182,9 @@ def described(dataset):
     for name, variable in dataset.variables.items():
         key = str(name)
         bare = key if key in DESCRIPTIONS else key.removeprefix("cycle_")
-        units, long_name = DESCRIPTIONS.get(bare, ("1", key.replace("_", " ")))
+        own = (variable.attrs.get("units", "1"),
+               variable.attrs.get("long_name", key.replace("_", " ")))
+        units, long_name = DESCRIPTIONS.get(bare, own)
         variable.attrs = {"long_name": long_name, **({"units": units} if units else {}),
                           **_flags(bare, variable.dtype)}
     return dataset
@@ -250,7 +265,7 @@ def _labelled(sweep, name, order, osc, responses):
     """A sweep with its name, its critical value and the deck's claims."""
     parameter = sweep["status"].dims[1]
     labels = {"name": name, "order": order, "parameter": parameter}
-    if parameter == "brake_torque":
+    if parameter == "brake_torque" and "full_engagement" not in sweep.attrs:
         labels |= _full_engagement(osc)
     claims = [(attrs[parameter], attrs.get("claim_deepest_separation", np.nan),
                attrs.get("claim_text", "")) for attrs in (one.attrs for one in responses)
@@ -309,7 +324,7 @@ class Results:
     path : Path
     attrs : dict, the root's attributes: deck and provenance
     gear_pair : dict
-    responses, sweeps : tuple of str, names in deck order
+    responses, sweeps, criticals : tuple of str, names in deck order
 
     Close it, or use it in a `with` statement.
     """
@@ -319,6 +334,7 @@ class Results:
     gear_pair: dict
     responses: tuple
     sweeps: tuple
+    criticals: tuple = ()
     _open: dict = field(default_factory=dict, repr=False)
 
     @property
@@ -333,6 +349,10 @@ class Results:
     def sweep(self, name):
         """Dataset of one sweep, read on demand."""
         return self._group(f"sweep_{name}")
+
+    def critical(self, name):
+        """Dataset of one search for a critical value, read on demand."""
+        return self._group(f"critical_{name}")
 
     def _group(self, group):
         import xarray as xr
@@ -378,11 +398,11 @@ def read_results(path):
         if "lapwing_version" not in file.ncattrs() or "gear_pair" not in file.groups:
             raise ValueError(f"{path} is no result file of Lapwing")
         names = {}
-        for kind in ("response_", "sweep_"):
+        for kind in ("response_", "sweep_", "critical_"):
             groups = [group for name, group in file.groups.items() if name.startswith(kind)]
             groups.sort(key=lambda group: int(group.order))
             names[kind] = tuple(str(group.getncattr("name")) for group in groups)
         pair = file["gear_pair"]
         return Results(Path(path), {key: file.getncattr(key) for key in file.ncattrs()},
                        {key: pair.getncattr(key) for key in pair.ncattrs()},
-                       names["response_"], names["sweep_"])
+                       names["response_"], names["sweep_"], names["critical_"])

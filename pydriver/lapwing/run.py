@@ -11,6 +11,7 @@ from queue import Empty, SimpleQueue
 from lapwing import __version__
 from lapwing.codes import Status
 from lapwing.deck import DeckError, changed_keys, load_deck, used_hash, used_text
+from lapwing.deck.schema import SPEEDS
 from lapwing.deck.used import stored_hash
 
 RESULT_FILE = "result.nc"
@@ -48,8 +49,8 @@ def run_deck(deck, parent, *, threads, force=False, progress=None):
     """Run a deck into `parent`/<deck>.
 
     1. Results of the same values are used again; others are refused unless `force`.
-    2. Responses, side by side, then sweeps; an interruption keeps the studies that are finished,
-       and the points of a sweep that are.
+    2. Responses, side by side, critical values, sweeps; an interruption keeps the studies that are
+       finished, and the points of a sweep that are.
     3. Result file, summary and figures, then `used.nml`, whose presence says that all is there.
 
     Parameters
@@ -77,13 +78,13 @@ def run_deck(deck, parent, *, threads, force=False, progress=None):
     _clear(folder)
     report = progress.study if progress else (lambda *_: (lambda _: None))
     with Crew(threads) as crew:
-        responses, sweeps, interrupted = _studies(deck, threads, report)
-        _write(deck, folder, responses, sweeps)
+        responses, criticals, sweeps, interrupted = _studies(deck, threads, report)
+        _write(deck, folder, responses, criticals, sweeps)
         undrawn = _present(folder, crew, report)
     if not interrupted and not undrawn:
         (folder / USED_DECK).write_text(used_text(deck, folder), encoding="utf-8")
-    return Outcome(folder, interrupted=interrupted, failed=_failed(responses, sweeps),
-                   undrawn=undrawn, headlines=_headlines(responses, sweeps))
+    return Outcome(folder, interrupted=interrupted, failed=_failed(responses, criticals, sweeps),
+                   undrawn=undrawn, headlines=_headlines(responses, criticals, sweeps))
 
 
 def _reusable(deck, folder, force):
@@ -117,22 +118,28 @@ def _clear(folder):
 
 
 def _studies(deck, threads, report):
-    """Responses and sweeps, as far as the user lets them."""
-    responses, sweeps = [], {}
+    """Responses, critical values and sweeps, as far as the user lets them."""
+    from lapwing.studies.critical_of_deck import critical_study
+
+    responses, criticals, sweeps = [], {}, {}
     try:
         if deck.responses:
             done = report("responses", len(deck.responses), "responses")
             if not _responses(deck, threads, responses, done):
-                return responses, sweeps, True
+                return responses, criticals, sweeps, True
+        for critical in deck.criticals:
+            done = report(f"critical {critical.name}", 100, "%")
+            criticals[critical.name] = critical_study(deck, critical, threads, done)
+            done(1.0)
         for sweep in deck.sweeps:
             points = len(sweep.values) * len(sweep.starts)
             done = report(f"sweep {sweep.name}", points, "points")
             sweeps[sweep.name] = _sweep(deck, sweep, threads, done)
             if sweeps[sweep.name].attrs["interrupted"]:
-                return responses, sweeps, True
+                return responses, criticals, sweeps, True
     except KeyboardInterrupt:
-        return responses, sweeps, True
-    return responses, sweeps, False
+        return responses, criticals, sweeps, True
+    return responses, criticals, sweeps, False
 
 
 def _responses(deck, threads, responses, done):
@@ -227,6 +234,7 @@ def _response(deck, study, order):
         deck.oscillator(study), deck.gear_pair, name=study.name, start=study.start,
         phase=deck.numerics["start_phase"], settle_cycles=study.settle_cycles,
         record_cycles=study.record_cycles, samples_per_cycle=study.samples_per_cycle,
+        exponents=study.exponents,
         max_period=deck.numerics["max_period"], order=order,
         brake_torque=study.operation["brake_torque"],
         claim_impacts_per_cycle=study.claim_impacts_per_cycle,
@@ -235,28 +243,31 @@ def _response(deck, study, order):
 
 
 def _sweep(deck, study, threads, done):
+    from lapwing.studies.critical_of_deck import full_engagement
     from lapwing.studies.sweep import sweep
 
-    observe = ("cycles", "impacts") if study.impacts else ("cycles",)
+    observe = ("cycles", *["impacts"] * study.impacts, *["exponents"] * study.exponents,
+               *["speeds"] * study.speed_density, *["spectra"] * study.order_spectra)
     result = sweep(
         deck.gear_pair, deck.te, parameter=study.parameter, values=study.values,
         starts=study.starts, settle=study.settle_cycles, record=study.record_cycles,
         observe=observe, phase=deck.numerics["start_phase"], threads=threads, progress=done,
         keep_interrupted=True, **deck.numerics_of(study), **study.operation)
+    result = result.assign_attrs(full_engagement(deck, study))
     if not study.impacts:
         return result
     # Most of the room for impacts is empty, and is slow to be compressed.
     return result.isel(impact=slice(0, max(1, int(result["n_impacts"].max()))))
 
 
-def _write(deck, folder, responses, sweeps):
+def _write(deck, folder, responses, criticals, sweeps):
     from lapwing.results import write_results
 
     write_results(
         folder / RESULT_FILE, deck_name=deck.stem, deck_text=deck.text,
         used_text=used_text(deck, folder), used_hash=used_hash(deck), pair=deck.gear_pair,
         te=deck.te, osc=_reference_oscillator(deck), responses=responses, sweeps=sweeps,
-        te_source=_te_source(deck))
+        criticals=criticals, te_source=_te_source(deck))
 
 
 def _te_source(deck):
@@ -268,11 +279,11 @@ def _te_source(deck):
 def _reference_oscillator(deck):
     """The deck's operating point; what it leaves to its studies is taken from the first."""
     operation = dict(deck.operation)
-    if deck.responses:
-        operation = {**deck.responses[0].operation, **operation}
-    elif deck.sweeps and deck.sweeps[0].group == "operation":
-        first = deck.sweeps[0]
-        operation = {**operation, **first.operation, first.parameter: float(first.values[0])}
+    if not operation.keys() & set(SPEEDS):
+        first = (*deck.responses, *deck.sweeps, *deck.criticals)[0]
+        operation |= first.operation
+        if getattr(first, "group", None) == "operation":
+            operation[first.parameter] = 1.0 if first.values is None else float(first.values[0])
     operation.setdefault("brake_torque", 1.0)
     return deck.gear_pair.oscillator(deck.te, **operation)
 
@@ -293,10 +304,14 @@ def _present(folder, crew, report):
     return {}
 
 
-def _failed(responses, sweeps):
+def _failed(responses, criticals, sweeps):
     """Names of the studies with a run that failed numerically."""
     failed = [f"response {response.attrs['name']}" for response in responses
               if int(response.attrs["status"]) != Status.OK]
+    for name, critical in criticals.items():
+        runs = int(critical["trial_failed"].sum()) if "trial_failed" in critical else 0
+        if runs:
+            failed.append(f"critical {name} ({runs} motions)")
     for name, sweep in sweeps.items():
         points = int(((sweep["status"] != Status.OK)
                       & (sweep["status"] != Status.UNFINISHED)).sum())
@@ -305,14 +320,17 @@ def _failed(responses, sweeps):
     return tuple(failed)
 
 
-def _headlines(responses, sweeps):
+def _headlines(responses, criticals, sweeps):
     """One line for each study."""
+    from lapwing.summary_critical import headline
+
     lines = []
     for response in responses:
         attrs = response.attrs
         lines.append(f"{attrs['name']}: {attrs['motion_class']}, "
                      f"{attrs['impacts_per_cycle']:.4g} impacts per cycle, deepest separation "
                      f"{1e6 * attrs['deepest_separation']:.4g} µrad")
+    lines += [f"{name}: {headline(critical)}" for name, critical in criticals.items()]
     for name, sweep in sweeps.items():
         done = int((sweep["status"] == Status.OK).sum())
         lines.append(f"{name}: {done} of {sweep['status'].size} points")

@@ -7,7 +7,10 @@ import math
 import numpy as np
 
 from lapwing.codes import MotionState
-from lapwing.summary_sweep import markdown, plural, sweep_text
+from lapwing.summary_critical import critical_text
+from lapwing.summary_stability import aperiodic_words, stability_sentence
+from lapwing.summary_sweep import sweep_text
+from lapwing.summary_words import markdown, method_words, plural
 
 # A change between the halves of the record below this part of the number, or of its error, is
 # rounding or chance and is not reported as a transient.
@@ -24,8 +27,8 @@ def summary_text(results):
     Returns
     -------
     str
-        Markdown: gear and operation, a table and a paragraph for each response, the findings of
-        each sweep, provenance.
+        Markdown: gear and operation, a table and a paragraph for each response, the critical
+        values, the findings of each sweep, provenance.
     """
     responses = [results.response(name).attrs for name in results.responses]
     lines = [f"# {results.attrs['deck_name']}", "", *_gear(results, responses)]
@@ -33,6 +36,9 @@ def summary_text(results):
         lines += ["", "## Responses", "", *_table(responses), "", *_legend(responses)]
         for attrs in responses:
             lines += ["", f"### {attrs['name']}", "", _paragraph(attrs)]
+    if results.criticals:
+        lines += ["", "## Critical values", "",
+                  *critical_text([results.critical(name) for name in results.criticals])]
     for name in results.sweeps:
         lines += ["", f"## Sweep {name}", "", *sweep_text(results.sweep(name))]
     return "\n".join([*lines, "", "## Provenance", "", *_provenance(results)]) + "\n"
@@ -117,9 +123,9 @@ def _legend(responses):
     fed = any(bool(one["impact_energy_per_cycle"] < 0) for one in responses)
     return [f"Impacts are counted that end a flight deeper than {shown} of the deepest separation "
             "of their cycle (without restitution: every arrival). ± is the difference to a second "
-            "run at another tolerance; in this table it is left out where it lies below the last "
-            "digit. ≈ marks a motion without a period: ± is then the greater of two differences of "
-            "averages or greatest values, between the two runs and between the halves of the "
+            "run, with rk4 at a tolerance of its own; in this table it is left out where it lies "
+            "below the last digit. ≈ marks a motion without a period: ± is then the greater of two "
+            "differences of averages or greatest values, between the two runs and between the halves of the "
             "record. "
             + "“?” marks a motion that the second run does not confirm: it gives another class. "
             * doubtful
@@ -157,7 +163,7 @@ def _motion(attrs):
 
 
 def _doubtful(attrs):
-    """Whether the run at the other tolerance ends in a motion of another class."""
+    """Whether the second run ends in a motion of another class."""
     return bool(not attrs["status"] and not attrs["status_reference"]
                 and attrs["motion_class_reference"] != attrs["motion_class"])
 
@@ -185,7 +191,7 @@ def _paragraph(attrs):
     """One response in sentences."""
     torque = f"At {attrs['brake_torque']:g} N·m"
     run = (f"{plural(attrs['record_cycles'], 'cycle')} recorded after {attrs['settle_cycles']}, "
-           f"start `{attrs['start']}`, tolerance {attrs['rtol']:g}")
+           f"start `{attrs['start']}`, {method_words(attrs)}")
     if attrs["status"]:
         return (f"{torque} the run failed numerically "
                 f"(`{attrs['status_meaning']}`); there are no numbers. ({run}.)")
@@ -199,11 +205,12 @@ def _paragraph(attrs):
             f"({attrs['resolved_impacts_per_cycle']:g} counting every bounce), the coast flanks "
             f"{_times(attrs, 'back_')}.")
         if attrs["contact_law"] != "compliant":
-            sentences.append(_energy_sentence(attrs))
+            sentences.append(_energy_sentence(attrs) + _impact_words(attrs))
         if attrs["deepest_back_penetration"] > 0:
             sentences.append("The coast flank is pressed in by up to "
                              f"{_value(attrs, 'deepest_back_penetration', 1e6)} µrad.")
-    sentences += [_force_sentence(attrs), _comparison(attrs), _trust(attrs), f"({run}.)"]
+    sentences += [_times_of_states(attrs), stability_sentence(attrs), _force_sentence(attrs),
+                  _comparison(attrs), _trust(attrs), f"({run}.)"]
     return " ".join(sentence for sentence in sentences if sentence)
 
 
@@ -220,6 +227,26 @@ def _energy_sentence(attrs):
     return f"The impacts take {_value(attrs, 'impact_energy_per_cycle', 1e3)} mJ in each cycle."
 
 
+def _impact_words(attrs):
+    """How fast and how hard an impact is."""
+    if not math.isfinite(attrs.get("impact_speed_mean", math.nan)):
+        return ""
+    return (f" They meet the flank at up to {_value(attrs, 'impact_speed_max')} rad/s, at "
+            f"{attrs['impact_speed_mean']:.4g} rad/s on average, and take "
+            f"{1e3 * attrs['energy_per_impact']:.3g} mJ each on average (every bounce counted).")
+
+
+def _times_of_states(attrs):
+    """Shares of time of the motion states, where there is more than one."""
+    if attrs["fully_engaged"] or "time_separated" not in attrs:
+        return ""
+    shares = [(attrs[f"time_{key}"], words) for key, words in (
+        ("separated", "apart"), ("engaged", "on the drive flank"),
+        ("back_engaged", "on the coast flank"))]
+    return "The teeth are " + ", ".join(f"{100 * share:.3g} % of the time {words}"
+                                        for share, words in shares if share > 0) + "."
+
+
 def _motion_sentence(attrs):
     chatter = ""
     if attrs["chatter_ends_per_cycle"] > 0:
@@ -227,7 +254,7 @@ def _motion_sentence(attrs):
         chatter = f", with {plural(number, 'complete chatter')} per cycle"
     if not attrs["period"]:
         longest = plural(attrs["max_period"], "mesh cycle")
-        return f"the motion has no period up to {longest}{chatter}."
+        return f"the motion has no period up to {longest}{aperiodic_words(attrs)}{chatter}."
     cycles = "every mesh cycle" if attrs["period"] == 1 else f"every {attrs['period']} mesh cycles"
     return f"the motion repeats {cycles}, class {attrs['motion_class']}{chatter}."
 
@@ -235,10 +262,11 @@ def _motion_sentence(attrs):
 def _force_sentence(attrs):
     if not math.isfinite(attrs["mesh_force_mean"]):
         return "The rigid law has no spring, hence no mesh force is given."
-    impulse = attrs["impact_force_mean"]
+    impulse, factor = attrs["impact_force_mean"], attrs.get("dynamic_factor", math.nan)
     share = f" (the impacts push another {impulse:.4g} N on average)" if impulse else ""
     return (f"The mesh force is {_value(attrs, 'mesh_force_mean')} N on average{share} and "
-            f"{_value(attrs, 'mesh_force_peak')} N at its greatest.")
+            f"{_value(attrs, 'mesh_force_peak')} N at its greatest"
+            + f" (dynamic factor {factor:.4g})" * math.isfinite(factor) + ".")
 
 
 def _comparison(attrs):
@@ -271,8 +299,9 @@ def _trust(attrs):
     if attrs["status_reference"]:
         sentence = "The second run, for the error, failed; no error is known."
     elif _doubtful(attrs):
-        sentence = (f"**The run at tolerance {attrs['rtol_reference']:g} gives another motion, "
-                    f"{other}: do not rely on the class.**")
+        sentence = ("**The second run, rk4 at tolerance "
+                    f"{attrs['rtol_reference']:g}, gives another motion, {other}: "
+                    "do not rely on the class.**")
     elif attrs["error_kind"] != "convergence":
         sentence = "Without a period single numbers do not converge, only their averages do."
     else:

@@ -5,13 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from lapwing.codes import Status
+from lapwing.summary_hysteresis import hysteresis
+from lapwing.summary_stability import sweep_stability
+from lapwing.summary_words import UNITS, markdown, method_words, plural
 
-# Branches carried up and down differ in depth when they do so by more than this part of it.
-DEPTH_DIFFERS = 0.02
-UNITS = {"brake_torque": "N·m", "drive_torque": "N·m", "pinion_speed_rpm": "rpm",
-         "pinion_speed_rad_s": "rad/s", "mesh_frequency_hz": "Hz", "mesh_stiffness": "N/m",
-         "backlash": "rad", "pinion_base_lever": "m", "mesh_damping": "N·s/m",
-         "pinion_inertia": "kg·m²", "gear_inertia": "kg·m²"}
 # A sweep is told in about so many lines, spread over its range.
 TABLE_LINES = 12
 START_NAMES = {"rest": "each from rest", "up": "carried upwards", "down": "carried downwards"}
@@ -27,7 +24,7 @@ def sweep_text(sweep):
     lines = [f"- {parameter.replace('_', ' ')} from {values[0]:g} to {values[-1]:g} {unit}: "
              f"{plural(values.size, 'value')} × {plural(sweep.sizes['start'], 'start')}, "
              f"{plural(sweep.attrs['settle'], 'mesh cycle')} to settle and "
-             f"{sweep.attrs['record']} recorded, tolerance {sweep.attrs['rtol']:g}; "
+             f"{sweep.attrs['record']} recorded, {method_words(sweep.attrs)}; "
              f"{failed or 'none'} of {sweep['status'].size} failed"
              + f", **{unfinished} not reached**" * bool(unfinished)]
     if "deepest_separation" not in sweep:
@@ -44,10 +41,12 @@ def sweep_text(sweep):
                      "above it the engaged motion never separates (contact is first lost at mesh "
                      f"phase {sweep.attrs['full_engagement_phase']:.6f}); other motions may exist "
                      "beside it")
-    lines.append("- hysteresis: " + _hysteresis(sweep, depth, values, unit))
+    coexisting = hysteresis(sweep, depth, unit)
+    lines.append("- hysteresis: " + coexisting[0])
+    lines += sweep_stability(sweep, unit)
     lines.append("- impacts are counted after flights deeper than "
                  f"{100 * sweep.attrs['count_depth']:g} % of their cycle's deepest separation")
-    return [*lines, "", *_sweep_table(sweep, depth, values, unit)]
+    return [*lines, *coexisting[1:], "", *_sweep_table(sweep, depth, values, unit)]
 
 
 def _sweep_table(sweep, depth, values, unit):
@@ -88,57 +87,3 @@ def _largest(values, seen, ok, unit):
             words = f"{values[hits[-1]]:g} {unit}, {none} at {values[after]:g} {unit}"
         found.setdefault(words, []).append(START_NAMES.get(str(start), str(start)))
     return "; ".join(f"{words} ({', '.join(starts)})" for words, starts in found.items())
-
-
-def _hysteresis(sweep, depth, values, unit):
-    """Intervals in which the branches carried up and down end in different motions."""
-    if not {"up", "down"} <= set(sweep["start"].values.tolist()):
-        return "not looked for (needs the starts up and down)"
-    one, two = (sweep.sel(start=start) for start in ("up", "down"))
-    greatest = np.fmax(depth.sel(start="up").values, depth.sel(start="down").values)
-    apart = np.abs(depth.sel(start="up").values - depth.sel(start="down").values)
-    settled = (one["period"] > 0).values & (two["period"] > 0).values
-    differ = settled & (apart > DEPTH_DIFFERS * greatest)
-    differ |= (one["period"] != two["period"]).values
-    # An impact count beside a complete chatter hangs on its threshold: no class boundary.
-    chatter = (one["chatter_ends"].sum("recorded_cycle")
-               + two["chatter_ends"].sum("recorded_cycle")).values > 0
-    for key in ("counted_impacts", "counted_back_impacts"):
-        means = [branch[key].mean("recorded_cycle").values for branch in (one, two)]
-        differ |= settled & ~chatter & (means[0] != means[1])
-    differ &= (one["status"] == Status.OK).values & (two["status"] == Status.OK).values
-    runs = _runs(differ)
-    if not runs:
-        return "none: up and down agree in period, impacts and depth"
-    wide = [f"{values[first]:g}–{values[last]:g}" for first, last in runs if last > first]
-    single = [first for first, last in runs if last == first]
-    chaos = ((one["period"] == 0) | (two["period"] == 0)).values
-    beside = sum(bool(chaos[max(i - 1, 0):i + 2].any()) for i in single)
-    parts = [", ".join(wide) + f" {unit}"] if wide else []
-    if single:
-        parts.append(plural(len(single), "single value")
-                     + f" ({beside} in or beside chaotic bands)" * bool(beside))
-    return "up and down differ in period, impacts or depth at " + " and ".join(parts)
-
-
-def _runs(flags):
-    """First and last index of each run of flags; a single gap between long runs is bridged."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
-    runs = []
-    for first, last in (edges.reshape(-1, 2) - (0, 1)).tolist():
-        if runs and first - runs[-1][1] == 2 and (last > first and runs[-1][1] > runs[-1][0]):
-            runs[-1][1] = last
-        else:
-            runs.append([first, last])
-    return runs
-
-
-def markdown(rows):
-    """Lines of a table; the first row is its heading."""
-    lines = ["| " + " | ".join(row) + " |" for row in rows]
-    return [lines[0], "|---" * len(rows[0]) + "|", *lines[1:]]
-
-
-def plural(number, word):
-    """Number and word, the word with an s unless the number is one."""
-    return f"{number:g} {word}" + "s" * bool(number != 1)

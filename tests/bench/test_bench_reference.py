@@ -122,5 +122,5 @@ def test_another_route_gives_the_same(name, index):
 
 def joint_error(te):
     """Slope jumps at the joints that are no kinks, all of them, over the largest slope."""
-    left, right = (te.slope(te.knots[:-1], side) for side in ("left", "right"))
+    left, right = (te.table_derivative(1, te.knots[:-1], side) for side in ("left", "right"))
     return np.where(te.kinks, 0.0, np.abs(right - left)).sum() / np.abs(right).max()

@@ -57,6 +57,23 @@ def test_ready_objects():
     assert sweep.values.tolist() == [round(0.2 + 0.02 * i, 2) for i in range(691)]
 
 
+def test_critical_values():
+    deck = load_deck(HERE / "accepted" / "critical.nml")
+    full, faster, speed, safe, back = deck.criticals
+    assert (full.find, full.parameter, full.values, full.starts) == ("full", "brake_torque", None,
+                                                                    None)
+    assert "brake_torque" not in full.operation and not full.own_operation
+    # A speed of its own replaces that of &operation, however it is spelled.
+    assert faster.operation["pinion_speed_rpm"] == 900 and faster.own_operation
+    assert "pinion_speed_rad_s" not in faster.operation
+    assert speed.values.tolist() == list(range(10, 201, 10)) and speed.safe_end == "low"
+    assert speed.operation["brake_torque"] == 12
+    assert safe.values.tolist() == [4, 6, 8, 9, 10, 11, 12] and safe.resolution == 0.2
+    assert safe.starts == (2, 3, 2) and (safe.settle_cycles, safe.record_cycles) == (20, 20)
+    assert back.starts == (2, 2, 2) and back.record_cycles == 1200
+    assert (back.rtol, back.confidence) == (1e-7, 0.9)
+
+
 def test_odd_spellings():
     deck = load_deck(HERE / "accepted" / "harmonics.nml")
     assert deck.numerics["rtol"] == deck.responses[0].rtol == deck.sweeps[0].rtol == 1e-9

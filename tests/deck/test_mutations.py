@@ -14,9 +14,9 @@ from lapwing.deck.schema import GROUPS, STUDIES
 from lapwing.engine import Numerics
 
 HERE = Path(__file__).parent
-BASES = [path.read_text(encoding="utf-8-sig").replace("'te_25x32.csv'", "'te.csv'")
-         for path in [*sorted((HERE / "accepted").glob("*.nml")),
-                      *sorted((HERE.parents[1] / "inputs").glob("*.nml"))]]
+INPUTS = sorted((HERE.parents[1] / "inputs").glob("*.nml"))
+BASES = {path.stem: path.read_text(encoding="utf-8-sig").replace("'te_25x32.csv'", "'te.csv'")
+         for path in [*sorted((HERE / "accepted").glob("*.nml")), *INPUTS]}
 TABLE = (HERE.parents[1] / "inputs" / "te_25x32.csv").read_text(encoding="utf-8")
 PIECES = [
     "#", "/", "&", "&end", "$", "'", '"', ",", ",,", "=", "!", "\n", "\r\n", "\r", "\t", " ", "*",
@@ -26,7 +26,7 @@ PIECES = [
     "\u00a0", "\u2028", "\x1c", "é", "&sweep", "&response name = 'z' /", "&gear_pair", "name = 'q'",
     "values = 1 2 3", "from", "brake_torque = ", "rtol = 1e-3", "file = 'te.csv'", "file = '.'",
     "te_sign = 'geometric'", "start = 'separation'", "contact_law = 'rigid'", "T_l", "gap =",
-    "back_flank_te = F", "parameter = 'backlash'", "count = 2", "spacing = 'log'"]
+    "find = 'on'", "back_flank_te = F", "parameter = 'backlash'", "count = 2", "spacing = 'log'"]
 EDITS = st.lists(st.tuples(
     st.sampled_from(["insert", "delete", "replace", "repeat_line", "drop_line", "swap_case"]),
     st.floats(0, 1), st.integers(1, 12), st.one_of(st.sampled_from(PIECES), st.text(max_size=4))),
@@ -78,7 +78,7 @@ def check_accepted(deck, folder):
             two = {key: value if isinstance(value, list) == isinstance(one.get(key), list)
                    else [value] for key, value in two.items()}
             assert one == two
-    for study in (*deck.responses, *deck.sweeps):
+    for study in (*deck.responses, *deck.sweeps, *deck.criticals):
         Numerics(**deck.numerics_of(study))
     for response in deck.responses:
         deck.oscillator(response)
@@ -107,7 +107,7 @@ def mutations(examples):
     # The deadline is there to catch a hang; a damaged deck takes milliseconds.
     @settings(max_examples=examples, deadline=timedelta(seconds=10),
               suppress_health_check=list(HealthCheck), derandomize=examples < 1000)
-    @given(st.sampled_from(BASES), EDITS)
+    @given(st.sampled_from(list(BASES.values())), EDITS)
     def run(folder, base, edits):
         try_deck(mutate(base, edits), folder)
     return run
@@ -144,7 +144,7 @@ FORBIDDEN = {
 def test_forbidden_wherever_it_stands(what, folder):
     pattern, replacement = FORBIDDEN[what]
     tried = 0
-    for base in (BASES[1], *BASES[3:]):
+    for base in (BASES[name] for name in ("plain", *(path.stem for path in INPUTS))):
         bare = re.sub("![^\n]*", "", base) if what != "sharp" else base
         for match in re.finditer(pattern, bare):
             damaged = bare[:match.start()] + match.expand(replacement) + bare[match.end():]

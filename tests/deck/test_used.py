@@ -31,6 +31,8 @@ def test_reads_back(path, relative, tmp_path):
     assert again.gear_pair == deck.gear_pair and again.operation == deck.operation
     assert again.responses == deck.responses
     assert [s.values.tolist() for s in again.sweeps] == [s.values.tolist() for s in deck.sweeps]
+    assert [(c.starts, c.record_cycles, c.operation) for c in again.criticals] \
+        == [(c.starts, c.record_cycles, c.operation) for c in deck.criticals]
 
 
 def numbers(low, high):

@@ -3,7 +3,16 @@
 import numpy as np
 
 from helpers import PAIR, SHIPPED, scene_a, scene_d
-from lapwing import TransmissionError, sweep
+from lapwing import (
+    StartGrid,
+    TransmissionError,
+    critical_back,
+    critical_full,
+    critical_on,
+    critical_safe,
+    sweep,
+)
+from lapwing.engine import Numerics
 from lapwing.results import read_results, write_results
 from lapwing.studies.response import response
 
@@ -31,9 +40,10 @@ CURVES = {
 
 
 def make_sweeps():
-    """A normal one, one whose points fail, one of another parameter, one without impacts."""
+    """A normal one, one that fails, one of another parameter, one without impacts and exponents."""
     options = {"settle": 30, "record": 20, "impact_law": "absolute", "pinion_speed_rpm": 240}
-    impacts = {"observe": ("cycles", "impacts"), "max_impacts": 60}
+    impacts = {"max_impacts": 60,
+               "observe": ("cycles", "impacts", "exponents", "speeds", "spectra")}
     speed = {key: options[key] for key in ("settle", "record", "impact_law")}
     return {
         "torque": sweep(PAIR, SHIPPED, values=np.linspace(1, 14, 14), **impacts, **options),
@@ -44,13 +54,36 @@ def make_sweeps():
         "plain": sweep(PAIR, SHIPPED, values=[5.0, 14.0], starts=("rest",), **options)}
 
 
-def make_results(folder, responses=tuple(RESPONSES), sweeps=None):
+def make_criticals():
+    """Each search once, and searches that find nothing or fail."""
+    law = {"impact_law": "absolute"}
+    short = {"settle": 30, "record": 10, "pinion_speed_rpm": 240, **law}
+    return {
+        "full": critical_full(PAIR, SHIPPED, pinion_speed_rpm=240, **law),
+        "speed": critical_full(PAIR, SHIPPED, parameter="pinion_speed_rpm", brake_torque=12,
+                               values=np.arange(100, 401, 50), safe_end="low",
+                               **law).assign_attrs(own_operation=1),
+        "safe": critical_safe(PAIR, SHIPPED, values=[12, 12.5, 13], resolution=0.1, further=1,
+                              starts=StartGrid(2, 2, 2), **short),
+        "all_safe": critical_safe(PAIR, SHIPPED, values=[13, 14], starts=StartGrid(1, 1, 1),
+                                  **short),
+        "failing": critical_safe(PAIR, SHIPPED, values=[12.6, 13], starts=StartGrid(1, 1, 1),
+                                 numerics=Numerics(max_events_per_cycle=2), **short),
+        "back": critical_back(PAIR, SHIPPED, values=[0.6, 0.7, 0.9, 1.1],
+                              starts=StartGrid(1, 1, 1), **(short | {"record": 100})),
+        "no_back": critical_back(PAIR, SHIPPED, values=[5, 6], starts=StartGrid(1, 1, 1), **short),
+        "on": critical_on(PAIR, TransmissionError.parabola(5e-5), contact_law="rigid",
+                          pinion_speed_rpm=240)}
+
+
+def make_results(folder, responses=tuple(RESPONSES), sweeps=None, criticals=None):
     """Write a result file with everything in it, or what is given; returns it open."""
     found = [response(osc, PAIR, name=name, **(SHORT | options))
              for name, (osc, options) in RESPONSES.items() if name in responses]
     write_results(folder / "result.nc", deck_name="test", deck_text="", used_text="",
                   used_hash="0", pair=PAIR, te=SHIPPED, osc=scene_a(1.0), responses=found,
-                  sweeps=make_sweeps() if sweeps is None else sweeps)
+                  sweeps=make_sweeps() if sweeps is None else sweeps,
+                  criticals=make_criticals() if criticals is None else criticals)
     return read_results(folder / "result.nc")
 
 

@@ -21,7 +21,7 @@ FORMATS = ("png", "pdf")
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
     folder = tmp_path_factory.mktemp("crew")
-    make_results(folder, responses=("periodic", "engaged"), sweeps={}).close()
+    make_results(folder, responses=("periodic", "engaged"), sweeps={}, criticals={}).close()
     return folder / "result.nc"
 
 

@@ -12,15 +12,20 @@ from plot_data import CURVES, RESPONSES, make_curve, make_results
 
 from lapwing import Status, plots
 from lapwing.plots import orbit_diagram, style, sweep_parts, typeface
+from lapwing.plots.critical_marks import marks_of
 from lapwing.plots.deepest_separation import _crossings, _free_place
 from lapwing.plots.trajectory import path
 
 SWEEPS = ("torque", "failed", "speed", "plain")
 UNIT = re.compile(r"\((µrad|arcsec|N|N·m|rad/s|mm/s|mN·s|ms|rpm|Hz|mesh periods|mesh cycles|"
+                  r"per mesh cycle|"
                   r"multiples of the mesh frequency|µrad per mesh period|µrad per τ)[;)]")
 # Placing everything takes long, so it is done for the responses most unlike each other only.
 LAID_OUT = ("chatter", "failed", "rigid_engaged")
-WITHOUT_UNIT = ("impacts\nper cycle", "recorded mesh cycle")
+SHARE = re.compile(r"% of the starts|share of those examined|^$")
+WITHOUT_UNIT = ("impacts\nper cycle", "recorded mesh cycle", "larger Floquet\nmultiplier |λ|",
+                "impacts per mesh cycle and decade of speed", "each\nfrom rest",
+                "carried\nupwards", "carried\ndownwards")
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +79,54 @@ def test_a_response_is_drawn_without_its_gear_pair(results, module):
 @pytest.mark.parametrize("module", plots.SWEEP_FIGURES)
 @pytest.mark.parametrize("name", SWEEPS)
 def test_a_sweep_is_drawn(results, module, name):
+    if plots.NEEDED.get(module, "status") not in results.sweep(name):
+        stems = [task.stem for task in plots.tasks_of(results)]
+        assert name == "plain" and f"{module}_{name}" not in stems
+        return
     assert_units(draw(module, results.sweep(name), results.gear_pair, laid_out=True))
+
+
+@pytest.mark.parametrize("name", ["speed", "safe", "all_safe", "failing", "back", "no_back"])
+def test_a_search_is_drawn(results, name):
+    figure = draw("critical_search", results.critical(name), results.gear_pair, laid_out=True)
+    shown = [label for label in labels(figure) if not SHARE.search(label)]
+    assert shown and all(UNIT.search(label) for label in shown), shown
+    assert name in figure.get_suptitle()
+    legend = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert ("some runs failed" in legend) == (name == "failing")
+
+
+def test_the_bracket_of_a_search_is_shown(results):
+    critical = results.critical("safe")
+    figure = draw("critical_search", critical, results.gear_pair)
+    for axis in figure.axes:
+        low, high = axis.patches[0].get_extents().transformed(axis.transData.inverted()).intervalx
+        assert (low, high) == pytest.approx((critical.rattling, critical.clean))
+    low, high = figure.axes[1].get_xlim()
+    assert low < critical.rattling < critical.clean < high < 13
+
+
+def test_critical_values_are_marked_on_a_sweep(results):
+    marks = marks_of([results.critical(name) for name in results.criticals], "brake_torque")
+    # Not the search at another speed, and none that found nothing.
+    assert [mark.find for mark in marks] == ["back", "full", "safe"]
+    marks[0] = marks[0]._replace(low=2.0, high=2.5)  # into the range of this sweep
+    for module, panels in (("orbit_diagram", 4), ("deepest_separation", 1), ("staircase", 1),
+                           ("exponents", 3), ("impact_speed_density", 3), ("waterfall", 3)):
+        plain, marked = (draw(module, results.sweep("torque"), results.gear_pair, laid_out=True,
+                              marks=given) for given in ((), marks))
+        for one, two in list(zip(plain.axes, marked.axes, strict=True))[:panels]:
+            assert len(two.patches) - len(one.patches) == 2  # T_full has its line already
+        words = set(texts(marked)) - set(texts(plain))
+        assert any("last seen at 0.7, none at 0.9" in one for one in words)
+        assert any(re.search(r"T_safe = 12\.\d+ ± 0\.\d+: no rattling above", one)
+                   for one in words)
+
+
+def test_marks_out_of_range_are_left_out(results):
+    marks = marks_of([results.critical("back")], "brake_torque")
+    figure = draw("deepest_separation", results.sweep("plain"), None, marks=marks)
+    assert not any("last seen" in text for text in texts(figure))
 
 
 @pytest.mark.parametrize("name", CURVES)
@@ -194,7 +246,7 @@ def test_all_figures_are_written_the_same_twice(results, tmp_path, monkeypatch):
     monkeypatch.setattr(plots, "RESPONSE_FIGURES", ("phase_portrait",))
     small = type("Small", (), {
         "attrs": results.attrs, "gear_pair": results.gear_pair, "responses": ("periodic",),
-        "sweeps": (), "response": results.response, "sweep": results.sweep,
+        "sweeps": (), "criticals": (), "response": results.response, "sweep": results.sweep,
         "transmission_error": results.transmission_error})()
     first = plots.draw_all(small, tmp_path / "a")
     second = plots.draw_all(small, tmp_path / "b", formats=("png",))

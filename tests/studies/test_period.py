@@ -61,3 +61,33 @@ def test_too_few_cycles_decide_nothing():
 def test_failed_cycles_have_no_period():
     phi = np.full(CYCLES, np.nan)
     assert find_period(phi, phi, labels(), scale=1.0) == NO_PERIOD
+
+
+@pytest.mark.parametrize("multiplier", [-0.9, -0.999, -0.9999, -0.99999])
+@pytest.mark.parametrize("noise", [0.0, 1e-11])
+def test_the_end_of_a_decaying_flip_is_not_period_two(multiplier, noise):
+    """Down to an alternation that only just counts, period 2 is never read; 1 is, in the end."""
+    random = np.random.default_rng(3)
+    found = []
+    for alternation in 10.0 ** np.arange(-3.0, -11.0, -0.5):
+        if abs(alternation * (1 - abs(multiplier)) * CYCLES / 4) < 1e-11:
+            # It fades by less than noise within the record: only the multiplier could tell.
+            alternation = 1e-9
+        phi = 0.5 * alternation * multiplier ** np.arange(CYCLES)
+        phi += noise * random.uniform(-1, 1, CYCLES)
+        found.append(find_period(phi, phi, labels(), scale=1.0))
+    assert set(found) <= {NO_PERIOD, 1} and found[-1] == 1
+
+
+def test_a_settled_motion_of_small_period_two_is_found():
+    """An alternation of 1e-6 that stays, with the noise of a settled motion."""
+    random = np.random.default_rng(4)
+    for _ in range(200):
+        phi = 1e-6 * (-1.0) ** np.arange(CYCLES) + 1e-11 * random.uniform(-1, 1, CYCLES)
+        assert find_period(phi, phi, labels(), scale=1.0) == 2
+
+
+def test_the_last_of_a_transient_does_not_hide_a_period():
+    """Period 6 whose transient, a tenth a cycle, has come down to 1e-9 within the record."""
+    phi = np.resize([0.1, 0.5, 0.2, 0.9, 0.3, 0.4], CYCLES) + 1e-2 * 0.8 ** np.arange(CYCLES)
+    assert find_period(phi, phi, labels(), scale=1.0) == 6

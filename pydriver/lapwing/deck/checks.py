@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 
 from lapwing.deck import schema
+from lapwing.deck.critical_checks import build_critical
 from lapwing.deck.deck import Deck, Response, Sweep
 from lapwing.deck.problems import Place, nearest
 from lapwing.deck.ranges import range_values
@@ -35,7 +36,7 @@ def assemble(path, text, overrides, readers, report):
     settings |= {name: models[name].keys if name in models else None for name in schema.REQUIRED}
     pair = _gear_pair(models.get("gear_pair"), report)
     table = _table(models.get("transmission_error"), settings["gear_pair"], path, report)
-    builder = _Studies(settings, models, pair, table, report)
+    builder = Studies(settings, models, pair, table, report)
     built = {name: tuple(builder.build(reader) for reader in studies if reader.name == name)
              for name in schema.STUDIES}
     _check_names(studies, report)
@@ -46,7 +47,7 @@ def assemble(path, text, overrides, readers, report):
     return Deck(path=path, text=text, overrides=overrides, warnings=report.warnings,
                 settings=settings, te_table=table, gear_pair=pair, operation=builder.operation,
                 numerics=settings["numerics"].model_dump(), responses=built["response"],
-                sweeps=built["sweep"])
+                sweeps=built["sweep"], criticals=built["critical"])
 
 
 def _check_presence(models, studies, origin, report):
@@ -54,7 +55,7 @@ def _check_presence(models, studies, origin, report):
         if name not in models:
             report.add(origin, f"&{name} is missing")
     if not studies:
-        report.add(origin, "neither &response nor &sweep: nothing to compute")
+        report.add(origin, "neither &response nor &sweep nor &critical: nothing to compute")
 
 
 def _check_names(studies, report):
@@ -153,8 +154,13 @@ def _warn_of_sign(table, reader, report):
                           f"te_sign = 'geometric'; te_sign {how}", warning=True)
 
 
-class _Studies:
-    """Turns &response and &sweep into studies, each checked as the driver would check it."""
+class Studies:
+    """Turns groups into studies, each checked as the driver would check it.
+
+    Attributes
+    ----------
+    operation : dict, what &operation, &scene and te_sign give
+    """
 
     def __init__(self, settings, models, pair, table, report):
         self._settings, self._models, self._report = settings, models, report
@@ -173,13 +179,16 @@ class _Studies:
         return flat() if scene.back_flank_te or scene.gap == "one_flank" else table.build()
 
     def build(self, reader):
-        """`Response` or `Sweep` of one group, or None."""
+        """`Response`, `Sweep` or `Critical` of one group, or None."""
         keys = reader.keys
         if keys is None:
             return None
+        if reader.name == "critical":
+            return build_critical(self, reader, keys, self._report) if self._ready else None
         return (self._response if reader.name == "response" else self._sweep)(reader, keys)
 
-    def _rtol(self, reader):
+    def rtol(self, reader):
+        """Tolerance of a study: its own, that of &numerics, or the default."""
         numerics = self._settings["numerics"]
         given = reader.keys.rtol or (numerics.rtol if numerics else None)
         return given or schema.RTOL[reader.name]
@@ -188,19 +197,23 @@ class _Studies:
         start = self._start(reader, keys)
         if not self._ready:
             return None
+        operation = self.own_operation(keys)
+        oscillator = self.oscillator(reader, self._pair, operation)
+        if oscillator is not None:
+            self._check_start(reader, oscillator, start)
+        return Response(
+            operation=operation, start=start, rtol=self.rtol(reader),
+            **{name: getattr(keys, name) for name in (
+                "name", "settle_cycles", "record_cycles", "samples_per_cycle", "exponents",
+                "claim_impacts_per_cycle", "claim_deepest_separation", "claim_text")})
+
+    def own_operation(self, keys):
+        """The operation with what a study sets itself; its speed, however given, replaces all."""
         own = _given(keys, schema.OPERATION)
         operation = self.operation
         if own.keys() & set(schema.SPEEDS):
             operation = {k: v for k, v in operation.items() if k not in schema.SPEEDS}
-        operation = {**operation, **own}
-        oscillator = self._oscillator(reader, self._pair, operation)
-        if oscillator is not None:
-            self._check_start(reader, oscillator, start)
-        return Response(
-            operation=operation, start=start, rtol=self._rtol(reader),
-            **{name: getattr(keys, name) for name in (
-                "name", "settle_cycles", "record_cycles", "samples_per_cycle",
-                "claim_impacts_per_cycle", "claim_deepest_separation", "claim_text")})
+        return {**operation, **own}
 
     def _start(self, reader, keys):
         if keys.start == "rest":
@@ -232,7 +245,7 @@ class _Studies:
             self._report.add(reader.places["start_phi"],
                              f"start_phi = {phi:g} contradicts start = '{state}': {meant}")
 
-    def _oscillator(self, reader, pair, operation, sentence=""):
+    def oscillator(self, reader, pair, operation):
         """The oscillator, or None: what is missing is said here, the rest by the driver."""
         complete = self._complete(reader, operation)
         if not complete:
@@ -257,7 +270,7 @@ class _Studies:
 
     def _sweep(self, reader, keys):
         name = keys.parameter.strip().lower()
-        group = self._parameter(reader, name)
+        group = self.parameter(reader, name)
         values = range_values(reader, self._report)
         if group is None or values is None:
             return None
@@ -265,36 +278,37 @@ class _Studies:
         starts = tuple(keys.starts)
         if len(set(starts)) != len(starts):
             self._report.add(reader.places["starts"], "starts: each once is meant")
-        self._check_values(reader, name, group, values)
+        self.check_values(reader, name, group, values)
         if not self._ready:
             return None
         operation = {k: v for k, v in self.operation.items() if k != name}
-        self._check_ends(reader, name, group, values, operation)
+        self.check_ends(reader, name, group, values, operation)
         return Sweep(name=keys.name, parameter=name, group=group, values=values,
-                     operation=operation, starts=starts, rtol=self._rtol(reader),
+                     operation=operation, starts=starts, rtol=self.rtol(reader),
                      settle_cycles=keys.settle_cycles, record_cycles=keys.record_cycles,
-                     impacts=keys.impacts)
+                     impacts=keys.impacts, speed_density=keys.speed_density,
+                     order_spectra=keys.order_spectra, exponents=keys.exponents)
 
-    def _parameter(self, reader, name):
-        """Group of the parameter swept, or None."""
+    def parameter(self, reader, name):
+        """Group of the parameter varied, or None."""
         known = schema.numeric_parameters()
         group, _, bare = name.rpartition(".")
-        place = reader.places["parameter"]
+        place = reader.places.get("parameter", reader.place)
         if bare not in known or group not in ("", known[bare]):
             full = [*known, *(f"{group}.{key}" for key, group in known.items())]
             self._report.add(place, f"parameter = {name!r} is no real number of &gear_pair or "
                                     f"&operation; {nearest(name, full if group else known)}")
             return None
-        for reader_name, model in self._models.items():
+        for reader_name, model in {**self._models, reader.name: reader}.items():
             for names in schema.GROUPS[reader_name].exclusive:
                 others = [key for key in names if key != bare and key in model.places]
                 if bare in names and others:
                     self._report.add(place, f"parameter = {name!r}, but &{reader_name} gives "
-                                            f"{others[0]}; sweep that, or give {bare} instead")
+                                            f"{others[0]}; vary that, or give {bare} instead")
                     return None
         return known[bare]
 
-    def _check_values(self, reader, name, group, values):
+    def check_values(self, reader, name, group, values):
         """Every value against the range of the parameter's own key."""
         kind = schema.KeyType(schema.GROUPS[group].model_fields[name])
         limits = kind.limits
@@ -303,10 +317,9 @@ class _Studies:
                  or value <= limits.get("gt", value - 1) or value >= limits.get("lt", value + 1)]
         place = reader.places.get("values") or reader.places["from"]
         for value in wrong[:1]:
-            self._report.add(place, f"{name} = {value:g} among the values swept, {kind.meant} is "
-                                    "meant")
+            self._report.add(place, f"{name} = {value:g} among the values, {kind.meant} is meant")
 
-    def _check_ends(self, reader, name, group, values, operation):
+    def check_ends(self, reader, name, group, values, operation):
         """Force is monotonic in each parameter: what holds at both ends holds between them."""
         for value in map(float, {values[0], values[-1]}):
             pair, at = self._pair, operation
@@ -316,10 +329,10 @@ class _Studies:
                 return
             else:
                 pair = replace(pair, **{name: value})
-            oscillator = self._oscillator(reader, pair, at)
+            oscillator = self.oscillator(reader, pair, at)
             if oscillator is None:
                 return
-            if oscillator.force < 0 and oscillator.gap == "one_flank":
+            if oscillator.force < 0 and oscillator.gap == "one_flank" and reader.name == "sweep":
                 self._report.add(reader.place, "starts from rest with a negative force need a "
                                                "coast flank to rest on")
 

@@ -21,6 +21,7 @@ class Response:
     operation : dict, the keyword arguments of `GearPair.oscillator`
     start : 'rest' or (motion state, φ rad, dφ/dτ rad), as `simulate` takes it
     settle_cycles, record_cycles, samples_per_cycle : int
+    exponents : bool, whether multipliers and exponents are found
     rtol : float
     claim_impacts_per_cycle, claim_deepest_separation (rad), claim_text : what somebody else
         reports, or None
@@ -32,6 +33,7 @@ class Response:
     settle_cycles: int
     record_cycles: int
     samples_per_cycle: int
+    exponents: bool
     rtol: float
     claim_impacts_per_cycle: float | None = None
     claim_deepest_separation: float | None = None
@@ -52,6 +54,9 @@ class Sweep:
     starts : tuple of 'rest', 'up', 'down'
     settle_cycles, record_cycles : int
     impacts : bool, whether every impact is kept
+    order_spectra : bool, whether order spectra are made
+    speed_density : bool, whether impacts are counted by speed
+    exponents : bool, whether multipliers and exponents are found
     rtol : float
     """
 
@@ -64,6 +69,49 @@ class Sweep:
     settle_cycles: int
     record_cycles: int
     impacts: bool
+    order_spectra: bool
+    speed_density: bool
+    exponents: bool
+    rtol: float
+
+
+@dataclass(frozen=True, eq=False)
+class Critical:
+    """One critical value of a parameter to find.
+
+    Attributes
+    ----------
+    name : str
+    find : 'full', 'safe', 'back' or 'on'
+    parameter : str, the bare key
+    group : 'gear_pair' or 'operation', where the parameter belongs
+    values : array (n,), ascending, without repeats; None for a closed form
+    safe_end : 'high' or 'low'
+    operation : dict, the keyword arguments of `GearPair.oscillator` but for the parameter
+    own_operation : bool, whether the group sets some of them itself
+    starts : (phases, positions, speeds) of the grid of starts, or None
+    settle_cycles : int
+    record_cycles : int or None
+    resolution : float, of the parameter, or None
+    further_values : int
+    confidence : float
+    rtol : float
+    """
+
+    name: str
+    find: str
+    parameter: str
+    group: str
+    values: np.ndarray | None
+    safe_end: str
+    operation: dict
+    own_operation: bool
+    starts: tuple | None
+    settle_cycles: int
+    record_cycles: int | None
+    resolution: float | None
+    further_values: int
+    confidence: float
     rtol: float
 
 
@@ -78,7 +126,7 @@ class Deck:
     text : str, the deck as read
     overrides : tuple of (key, value text)
     warnings : tuple of Problem
-    settings : dict, group name -> validated keys (a list of them for &response and &sweep)
+    settings : dict, group name -> validated keys (a list of them for the studies)
     te_table : Table, the transmission error as given
     gear_pair : GearPair
     operation : dict, the keyword arguments of `GearPair.oscillator` (scene and te_sign included)
@@ -86,6 +134,7 @@ class Deck:
     numerics : dict, the keys of &numerics; rtol is None where each study takes its default
     responses : tuple of Response
     sweeps : tuple of Sweep
+    criticals : tuple of Critical
     """
 
     path: Path
@@ -99,6 +148,7 @@ class Deck:
     numerics: dict
     responses: tuple = field(default=())
     sweeps: tuple = field(default=())
+    criticals: tuple = field(default=())
 
     @property
     def stem(self):

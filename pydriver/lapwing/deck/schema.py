@@ -168,6 +168,7 @@ class ResponseKeys(OperationKeys):
     record_cycles: int = key(100, "mesh cycles recorded", ge=1, le=1_000_000)
     samples_per_cycle: int = key(400, "samples of the time history in a mesh cycle", ge=8,
                                  le=100_000)
+    exponents: bool = key(True, "whether Floquet multipliers and Lyapunov exponents are found")
     rtol: float | None = key(None, "relative tolerance; left out: that of &numerics, else 1e-8",
                              example=1e-8, ge=1e-13, le=1e-2)
     claim_impacts_per_cycle: float | None = key(
@@ -178,17 +179,9 @@ class ResponseKeys(OperationKeys):
                                  example="3 impacts per cycle, period 1", max_length=500)
 
 
-class SweepKeys(Group):
-    """One parameter over a range of values."""
+class ValueKeys(Group):
+    """Values of a parameter: a list, or ranges."""
 
-    title = "one parameter over a range of values; any number of them"
-    repeatable = True
-    exclusive = (("values", "from"),)
-
-    name: str = key(text="names its figures and its part of the summary; letters, digits, . _ -",
-                    example="torque", pattern=NAME_PATTERN, max_length=64)
-    parameter: str = key(text="a real number of &gear_pair or &operation, as 'brake_torque' or "
-                         "'operation.brake_torque'", example="brake_torque")
     values: list[Annotated[float, Field(ge=-1e15, le=1e15)]] | None = key(
         None, "the values themselves", "of the parameter", [0.8, 1.8, 3.3, 5.5, 12.0],
         min_length=1)
@@ -202,6 +195,19 @@ class SweepKeys(Group):
         None, "how many values each range has", "", [691], min_length=1, max_length=100)
     spacing: Literal["linear", "log"] = key(
         "linear", "equal steps, or equal ratios; for all ranges")
+
+
+class SweepKeys(ValueKeys):
+    """One parameter over a range of values."""
+
+    title = "one parameter over a range of values; any number of them"
+    repeatable = True
+    exclusive = (("values", "from"),)
+
+    name: str = key(text="names its figures and its part of the summary; letters, digits, . _ -",
+                    example="torque", pattern=NAME_PATTERN, max_length=64)
+    parameter: str = key(text="a real number of &gear_pair or &operation, as 'brake_torque' or "
+                         "'operation.brake_torque'", example="brake_torque")
     starts: list[Literal["rest", "up", "down"]] = key(
         ["rest", "up", "down"], "each value from rest; carried upwards; carried downwards (the "
         "first one of those from rest)",
@@ -210,6 +216,52 @@ class SweepKeys(Group):
                              le=10_000_000)
     record_cycles: int = key(100, "mesh cycles recorded at every value", ge=1, le=100_000)
     impacts: bool = key(True, "whether phase and speed of every impact are kept")
+    order_spectra: bool = key(False, "whether order spectra are made, for a waterfall of them")
+    speed_density: bool = key(False, "whether impacts of every speed are counted, for a figure of "
+                              "their density")
+    exponents: bool = key(False, "whether Lyapunov exponents are found, and Floquet multipliers "
+                          "where the motion repeats")
+    rtol: float | None = key(None, "relative tolerance; left out: that of &numerics, else 1e-6",
+                             example=1e-6, ge=1e-13, le=1e-2)
+
+
+class CriticalKeys(OperationKeys, ValueKeys):
+    """One critical value of a parameter."""
+
+    title = "one critical value of a parameter, the braking torque first of all; any number of them"
+    repeatable = True
+    exclusive = (*OperationKeys.exclusive, ("values", "from"))
+
+    name: str = key(text="names its figure and its part of the summary; letters, digits, . _ -",
+                    example="T_full", pattern=NAME_PATTERN, max_length=64)
+    find: Literal["full", "safe", "back", "on"] = key(
+        text="'full': the engaged motion keeps contact; 'safe': no rattling survives from the "
+        "starts stated; 'back': the last back impact; 'on': a rigid tooth stays on the flank "
+        "(contact_law 'rigid' only)", example="full")
+    parameter: str = key("brake_torque", "a real number of &gear_pair or &operation, as for "
+                         "&sweep; 'full' and 'on' along a torque are closed forms and take no "
+                         "values")
+    safe_end: Literal["high", "low"] = key(
+        "high", "the end of the values at which the teeth are taken to be safe; the search begins "
+        "there")
+    resolution: float | None = key(
+        None, "'safe': half of the widest bracket allowed; left out: a fifth of the least step of "
+        "the values", "of the parameter", 0.01, gt=0, le=1e15)
+    start_phases: int | None = key(None, "mesh phases at which motions begin; left out: 6 for "
+                                   "'safe', 2 for 'back'", "", 6, ge=1, le=1000)
+    start_positions: int | None = key(
+        None, "positions at each phase, in separation and in engagement; left out: 3 for 'safe', "
+        "2 for 'back'", "", 3, ge=1, le=1000)
+    start_speeds: int | None = key(None, "speeds at each position; left out: 3 for 'safe', 2 for "
+                                   "'back'", "", 3, ge=1, le=1000)
+    settle_cycles: int = key(200, "mesh cycles before a motion is looked at", ge=0, le=10_000_000)
+    record_cycles: int | None = key(
+        None, "mesh cycles looked at, of each motion; left out: 50 for 'safe', 1200 for 'back'", "",
+        50, ge=1, le=1_000_000)
+    further_values: int = key(0, "'safe': values tried beyond the first that rattles; motions "
+                              "found there are carried back to it", ge=0, le=100_000)
+    confidence: float = key(0.95, "'back': of the upper limit of the rate of back impacts", ge=0.5,
+                            lt=1)
     rtol: float | None = key(None, "relative tolerance; left out: that of &numerics, else 1e-6",
                              example=1e-6, ge=1e-13, le=1e-2)
 
@@ -217,18 +269,24 @@ class SweepKeys(Group):
 GROUPS: dict[str, type[Group]] = {
     "gear_pair": GearPairKeys, "transmission_error": TransmissionErrorKeys,
     "operation": OperationKeys, "scene": SceneKeys, "numerics": NumericsKeys,
-    "response": ResponseKeys, "sweep": SweepKeys}
+    "response": ResponseKeys, "sweep": SweepKeys, "critical": CriticalKeys}
 STUDIES = tuple(name for name, group in GROUPS.items() if group.repeatable)
 REQUIRED = ("gear_pair", "transmission_error")
 SPEEDS = OperationKeys.exclusive[0]
 OPERATION = tuple(OperationKeys.model_fields)
 # Default tolerances of the studies where neither they nor &numerics name one.
-RTOL = {"response": 1e-8, "sweep": 1e-6}
+RTOL = {"response": 1e-8, "sweep": 1e-6, "critical": 1e-6}
+# What a search for a critical value takes where its group says nothing, by what it finds.
+CRITICAL_DEFAULTS = {
+    "safe": {"start_phases": 6, "start_positions": 3, "start_speeds": 3, "record_cycles": 50},
+    "back": {"start_phases": 2, "start_positions": 2, "start_speeds": 2, "record_cycles": 1200}}
+TORQUES = ("brake_torque", "drive_torque")
 
 
 def fields(group):
-    """Key -> field of a group, in the order of the schema and by the deck's spelling."""
-    order = [*(["name"] if "name" in group.model_fields else []), *group.model_fields]
+    """Key -> field of a group by the deck's spelling; what names a study stands first."""
+    first = (name for name in ("name", "find", "parameter") if name in group.model_fields)
+    order = [*first, *group.model_fields]
     return {(group.model_fields[name].alias or name): group.model_fields[name]
             for name in dict.fromkeys(order)}
 

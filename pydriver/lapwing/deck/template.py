@@ -30,9 +30,9 @@ def template_text():
             if set(names) <= own.keys():
                 parts.append(f"  ! One of {', '.join(names)}:\n")
         parts += [_entry(group, name, field) for name, field in own.items()]
-        if group == "response":
+        if group in ("response", "critical"):
             parts.append("  ! Any key of &operation may stand here as well and counts for this "
-                         "response only.\n")
+                         "group only.\n")
         parts.append("/\n")
     return "".join(parts)
 

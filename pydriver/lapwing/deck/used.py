@@ -9,6 +9,7 @@ import re
 from pathlib import Path
 
 from lapwing.deck import schema
+from lapwing.deck.critical_checks import canonical_values, used_values
 
 _HASH = re.compile(r"^! hash ([0-9a-f]{64})$", re.MULTILINE)
 
@@ -88,6 +89,9 @@ def canonical(deck):
                                                                    "spacing")}
             values |= {"values": study.values.tolist(), "starts": list(study.starts),
                        "parameter": study.parameter}
+        elif group == "critical":
+            study = next(s for s in deck.criticals if s.name == keys.name)
+            values = canonical_values(values, study)
         name = f"{group}.{keys.name}" if group in schema.STUDIES else group
         result[name] = values
     return dict(sorted(result.items()))
@@ -97,13 +101,16 @@ def _groups(deck):
     """(group, keys as given, value of each key as used) in the order of the schema."""
     for group in schema.GROUPS:
         given = deck.settings[group]
-        built = {"response": deck.responses, "sweep": deck.sweeps}.get(group, [None])
+        built = {"response": deck.responses, "sweep": deck.sweeps,
+                 "critical": deck.criticals}.get(group, [None])
         for keys, study in zip(given if group in schema.STUDIES else [given], built, strict=True):
             yield group, keys, _used(deck, group, keys, study)
 
 
 def _used(deck, group, keys, study):
     """Key -> value as used, None where a key has none."""
+    if group == "critical":
+        return used_values(keys, study)
     values = keys.model_dump(by_alias=True)
     if group in schema.STUDIES:
         values["rtol"] = study.rtol

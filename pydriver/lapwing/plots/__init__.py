@@ -10,7 +10,12 @@ import numpy as np
 
 FORMATS = ("png", "pdf")
 # Modules of this package with a `draw` each, by what they are drawn from.
-SWEEP_FIGURES = ("orbit_diagram", "deepest_separation")
+SWEEP_FIGURES = ("orbit_diagram", "deepest_separation", "staircase", "exponents",
+                 "impact_speed_density", "waterfall")
+# Variables without which a figure of a sweep has nothing to show.
+NEEDED = {"staircase": "motion_class", "exponents": "lyapunov_exponent",
+          "impact_speed_density": "impact_speed_density", "waterfall": "order_spectrum"}
+CRITICAL_FIGURE = "critical_search"
 RESPONSE_FIGURES = ("history", "phase_portrait", "impact_section", "spectrum")
 TE_FIGURE = "te_curve"
 
@@ -37,7 +42,7 @@ class Task(NamedTuple):
     stem : str, of its files
     module : str, of this package, with the `draw` that makes it
     kind : str, attribute of the results that holds its data
-    name : str or None, of the response or sweep
+    name : str or None, of the response, critical value or sweep
     """
 
     stem: str
@@ -54,7 +59,11 @@ def tasks_of(results):
     list of Task
     """
     return [*(Task(f"{module}_{name}", module, "sweep", name)
-              for name in results.sweeps for module in SWEEP_FIGURES),
+              for name in results.sweeps for module in SWEEP_FIGURES
+              if NEEDED.get(module, "status") in results.sweep(name)),
+            *(Task(f"{CRITICAL_FIGURE}_{name}", CRITICAL_FIGURE, "critical", name)
+              for name in results.criticals
+              if "trial" in results.critical(name).dims),  # a closed form has nothing to show
             *(Task(f"{module}_{name}", module, "response", name)
               for name in results.responses for module in RESPONSE_FIGURES),
             Task(TE_FIGURE, TE_FIGURE, "transmission_error")]
@@ -66,7 +75,8 @@ def draw_all(results, folder, *, formats=FORMATS, progress=None, crew=None):
     Parameters
     ----------
     results : lapwing.results.Results, or an object with its `attrs`, `gear_pair`, `responses`,
-        `sweeps`, `response(name)`, `sweep(name)` and `transmission_error`
+        `sweeps`, `criticals`, `response(name)`, `sweep(name)`, `critical(name)` and
+        `transmission_error`
     folder : str or Path, made if it is missing
     formats : of 'png' and 'pdf'
     progress : callable(fraction done) or None
@@ -76,7 +86,8 @@ def draw_all(results, folder, *, formats=FORMATS, progress=None, crew=None):
     Returns
     -------
     list of Path
-        What was written: `te_curve`, `<figure>_<sweep>`, `<figure>_<response>`, in each format.
+        What was written: `te_curve`, `<figure>_<sweep>`, `<figure>_<response>`,
+        `critical_search_<critical>`, in each format.
 
     Raises
     ------
@@ -116,12 +127,27 @@ def attempt(results, task, folder, formats):
 
 
 def _options(results, task):
-    """What `draw` of a figure of a sweep is told besides its data."""
-    if task.kind != "sweep":
-        return {}
-    deck = str(results.attrs.get("deck_name", ""))
-    return {"title": f"{deck}, sweep '{task.name}': {task.module.replace('_', ' ')}",
-            "claims": _claims(results, task.name)}
+    """What `draw` of a figure is told besides its data."""
+    if task.kind == "sweep":
+        from lapwing.plots.sweep_parts import parameter_of
+
+        deck = str(results.attrs.get("deck_name", ""))
+        return {"title": f"{deck}, sweep '{task.name}': {task.module.replace('_', ' ')}",
+                "claims": _claims(results, task.name),
+                "marks": _marks(results, parameter_of(results.sweep(task.name)))}
+    if task.kind == "critical":
+        parameter = results.critical(task.name).attrs["parameter"]
+        return {"marks": _marks(results, parameter, besides=task.name)}
+    return {}
+
+
+def _marks(results, parameter, besides=None):
+    """Critical values along a parameter, one of them left out if it is named."""
+    from lapwing.plots.critical_marks import marks_of
+
+    return marks_of([results.critical(name) for name in results.criticals if name != besides],
+                    parameter)
+
 
 def _claims(results, name):
     """What the source reports, from the responses: they know of impacts as well."""

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from lapwing.plots import style, sweep_parts
+from lapwing.plots import critical_marks, style, sweep_parts
 
 # Places for a claim's words that are tried at once.
 BLOCK = 32
 
 
 @style.house_style()
-def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None):
+def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
+         marks=()):
     """Draw the deepest separation of the recorded cycles.
 
     Parameters
     ----------
-    sweep, title, full_engagement, claims : as for `orbit_diagram.draw`
+    sweep, title, full_engagement, claims, marks : as for `orbit_diagram.draw`
     gear_pair : mapping or None, group `gear_pair`; tells the backlash
 
     Returns
@@ -44,6 +45,9 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
     sweep_parts.mark_full_engagement(
         [axis], sweep_parts.full_engagement_of(sweep, full_engagement), axis,
         sweep[parameter].values, height=0.86)
+    critical_marks.draw_marks([axis], axis, marks, sweep[parameter].values,
+                              sweep_parts.full_engagement_of(sweep, full_engagement),
+                              heights=(0.78, 0.55))
     sweep_parts.finish(figure, [axis], sweep,
                        f"deepest separation: {sweep.attrs.get('name', '')}"
                        if title is None else title)

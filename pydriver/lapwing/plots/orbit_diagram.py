@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lapwing.codes import Status
-from lapwing.plots import style, sweep_parts
+from lapwing.plots import critical_marks, style, sweep_parts
 from lapwing.plots.style import save
 
 # Periods above this share a row of the strip.
@@ -16,7 +16,8 @@ PLACES, OPAQUE = 4096, 20
 
 
 @style.house_style()
-def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None):
+def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
+         marks=()):
     """Draw a sweep.
 
     Parameters
@@ -29,6 +30,7 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
         separates; default: as stored with the sweep
     claims : sequence of (parameter value, depth in rad, text, impacts per cycle), the last one or
         two may be missing; default: as stored with the sweep
+    marks : sequence of critical_marks.Mark, critical values to draw as bars
 
     Returns
     -------
@@ -47,6 +49,8 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
     sweep_parts.mark_full_engagement(
         axes, sweep_parts.full_engagement_of(sweep, full_engagement), axes[1],
         sweep[parameter].values)
+    critical_marks.draw_marks(axes, axes[0], marks, sweep[parameter].values,
+                              sweep_parts.full_engagement_of(sweep, full_engagement))
     sweep_parts.finish(figure, axes, sweep,
                        f"orbit diagram: {sweep.attrs.get('name', '')}" if title is None else title)
     shown = [one for one in claims if np.isfinite(one.impacts) or (np.isfinite(one.depth)

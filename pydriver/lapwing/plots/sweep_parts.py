@@ -91,6 +91,14 @@ def mark_full_engagement(axes, value, labelled, x, height=0.96):
         bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1})
 
 
+def edges_of(values):
+    """Edges of columns around values."""
+    if values.size == 1:
+        return np.array([values[0] - 0.5, values[0] + 0.5])
+    middle = 0.5 * (values[1:] + values[:-1])
+    return np.concatenate([[2 * values[0] - middle[0]], middle, [2 * values[-1] - middle[-1]]])
+
+
 def claim_marker(axis, value, height):
     """An open diamond."""
     axis.plot(value, height, marker="D", markersize=7, markerfacecolor="none", clip_on=False,

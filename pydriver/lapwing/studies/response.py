@@ -16,7 +16,8 @@ import numpy as np
 from lapwing import engine
 from lapwing.codes import EventKind, MotionState, Status
 from lapwing.engine import CYCLE_NAMES, Numerics, TrajectoryCall, Wanted
-from lapwing.studies.period import MAX_PERIOD, find_period
+from lapwing.studies import motion
+from lapwing.studies.period import MAX_PERIOD, find_period, motion_class
 from lapwing.studies.sweep import LABELS
 from lapwing.studies.trajectory import check_start, engine_start
 
@@ -26,17 +27,18 @@ FORCE_SPACING = 0.1
 # Averages over cycles, and largest values over cycles.
 MEANS = ("impacts_per_cycle", "back_impacts_per_cycle", "resolved_impacts_per_cycle",
          "resolved_back_impacts_per_cycle", "chatter_ends_per_cycle", "mesh_force_mean",
-         "impact_force_mean", "impact_energy_per_cycle")
-PEAKS = ("deepest_separation", "deepest_back_penetration", "mesh_force_peak")
+         "impact_force_mean", "impact_energy_per_cycle", *motion.SHARES)
+PEAKS = ("deepest_separation", "deepest_back_penetration", "mesh_force_peak", "impact_speed_max")
 FLOATS = ("phi", "phi_dot", "deepest_separation", "deepest_back_penetration")
 TIGHTEST_RTOL = 1e-13
 
 
 def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, record_cycles=100,
-             samples_per_cycle=400, method="auto", rtol=1e-8, max_period=MAX_PERIOD,
-             count_depth=0.01, chatter_tol=None, max_events_per_cycle=1_000_000,
-             max_steps_per_cycle=10_000_000, order=0, brake_torque=None,
-             claim_impacts_per_cycle=None, claim_deepest_separation=None, claim_text=None):
+             samples_per_cycle=400, exponents=False, method="auto", rtol=1e-8,
+             max_period=MAX_PERIOD, count_depth=0.01, chatter_tol=None,
+             max_events_per_cycle=1_000_000, max_steps_per_cycle=10_000_000, order=0,
+             brake_torque=None, claim_impacts_per_cycle=None, claim_deepest_separation=None,
+             claim_text=None):
     """Settle, record, and estimate the error of every number by a second run.
 
     1. Follow the motion over the cycles to settle, recording nothing; whole cycles are recorded,
@@ -55,6 +57,7 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
     name : str
     start, phase : as for `simulate`, but for the end of another run
     settle_cycles, record_cycles, samples_per_cycle : int; >= 0, >= 1, >= 1
+    exponents : bool, whether Floquet multipliers and Lyapunov exponents are wanted
     method, rtol, count_depth, chatter_tol, max_events_per_cycle, max_steps_per_cycle :
         see `Numerics`
     max_period, order : int; mesh cycles, and the place among the responses of a deck
@@ -90,7 +93,7 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
     numerics = Numerics(method=method, rtol=rtol, **tolerances)
     main, reference = (
         _Outcome.of(osc, pair, _record(osc, (*engine_start(osc, start), phase), span, grid,
-                                       one), max_period)
+                                       one, exponents), max_period)
         for one in (numerics, Numerics(method="rk4", rtol=other, **tolerances)))
     settings = {
         "name": name, "order": order,
@@ -106,7 +109,9 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
         "claim_deepest_separation": claim_deepest_separation, "claim_text": claim_text}
     given = {key: value for key, value in settings.items() if value is not None}
     return _dataset(osc, pair, main, stored).assign_attrs(
-        given | _law_attributes(osc) | _findings(main, reference))
+        given | motion.law_attributes(osc) | _findings(main, reference)
+        | motion.impact_attributes(osc, pair, main.recording.log, main.number("mesh_force_peak"))
+        | motion.motion_attributes(osc, main.recording, main.period, max_period, numerics))
 
 
 def _check(phase, **whole):
@@ -142,9 +147,10 @@ class _Recording:
     log: np.ndarray
     cycles: np.ndarray
     samples: np.ndarray
+    tangent: np.ndarray | None = None
 
 
-def _record(osc, start, span, grid, numerics):
+def _record(osc, start, span, grid, numerics, exponents=False):
     """Settle and record.
 
     The cycle before the first recorded one is watched already, for an impact counts with the
@@ -160,16 +166,16 @@ def _record(osc, start, span, grid, numerics):
                              np.tile(grid * osc.period, record)])
     if status == Status.OK:
         call = TrajectoryCall(osc, start, blob, watched, numerics=numerics,
-                              wanted=Wanted(events=True, cycles=True))
+                              wanted=Wanted(events=True, cycles=True, tangent=exponents))
         call.run((first + record + 1, 0.0), np.vstack([times, (first + record, 0.0)]))
         status = call.status
     if status != Status.OK:
         return _Recording(status, grid, np.zeros((0, 6)), np.full((record, 17), np.nan),
                           np.full((len(times) + 1, 3), np.nan))
     log, cycles = call.log - first * np.eye(6)[1], call.cycles - first * np.eye(17)[0]
-    log, cycles = (table[(table[:, i] >= 0) & (table[:, i] < record)]
-                   for table, i in ((log, 1), (cycles, 0)))
-    return _Recording(status, grid, log, cycles, call.samples)
+    kept = [(table[:, i] >= 0) & (table[:, i] < record) for table, i in ((log, 1), (cycles, 0))]
+    return _Recording(status, grid, log[kept[0]], cycles[kept[1]], call.samples,
+                      call.tangent[kept[1]] if exponents else None)
 
 
 @dataclass(frozen=True)
@@ -189,7 +195,10 @@ class _Outcome:
         deepest = column["deepest_separation"].max()
         period = find_period(column["phi"], column["phi_dot"], labels,
                              max(abs(osc.force), deepest) or osc.backlash, max_period)
-        return cls(recording, by_cycle, period, _motion_class(by_cycle, period, recording.status))
+        name = "failed" if recording.status != Status.OK else motion_class(
+            period, *(by_cycle[key] for key in MEANS[:2]),
+            np.any(by_cycle["chatter_ends_per_cycle"] > 0))
+        return cls(recording, by_cycle, period, name)
 
     def number(self, key, half=None):
         """One number of the summary, over all recorded cycles or their first or second half.
@@ -218,8 +227,9 @@ def _by_cycle(osc, pair, recording, column):
     _, cycle, _, _, before, after = recording.log[impacts].T
     np.add.at(force, cycle.astype(int), newton * (before - after) / osc.period)
     np.add.at(energy, cycle.astype(int), 0.5 * pair.torsional_stiffness * (before**2 - after**2))
+    fastest = motion.fastest_impacts(recording.log, record, pair.natural_frequency)
     if recording.status != Status.OK:
-        force, energy = force * np.nan, energy * np.nan
+        force, energy, fastest = force * np.nan, energy * np.nan, fastest * np.nan
     # Without restitution nothing is an impact; there each arrival of a free tooth counts.
     counts = (("engages", "back_engages", "engages", "back_engages")
               if osc.contact_law == "compliant" else
@@ -230,18 +240,8 @@ def _by_cycle(osc, pair, recording, column):
             "impact_force_mean": force, "impact_energy_per_cycle": energy,
             "deepest_separation": column["deepest_separation"],
             "deepest_back_penetration": column["deepest_back_penetration"],
-            "states_visited": column["states_visited"]}
-
-
-def _motion_class(by_cycle, period, status):
-    """`p:(i,j)`, i and j impacts counted at the drive and the coast flank in p cycles."""
-    if status != Status.OK:
-        return "failed"
-    chatter = bool(np.any(by_cycle["chatter_ends_per_cycle"] > 0))
-    if not period:
-        return "aperiodic" + " c" * chatter
-    drive, coast = (int(np.sum(by_cycle[key][-period:])) for key in MEANS[:2])
-    return f"{period}:({drive},{coast})" + "c" * chatter
+            "states_visited": column["states_visited"], "impact_speed_max": fastest,
+            **motion.shares_of_time(recording.log, column["motion_state"], osc.period)}
 
 
 def _contact_forces(osc, recording):
@@ -343,12 +343,6 @@ def _findings(main, reference):
         if status == Status.OK else 0
     return attrs | {"states_visited": int(visited),
                     "fully_engaged": int(visited == 1 << MotionState.ENGAGEMENT)}
-
-
-def _law_attributes(osc):
-    names = ("force", "mesh_frequency_ratio", "contact_law", "impact_law", "gap", "te_sign",
-             "gap_width", "restitution", "damping_ratio", "backlash")
-    return {"back_flank_te": int(osc.back_flank_te)} | {key: getattr(osc, key) for key in names}
 
 
 def _dataset(osc, pair, outcome, stored):

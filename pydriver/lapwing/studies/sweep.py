@@ -10,11 +10,15 @@ from lapwing import engine
 from lapwing.codes import EventKind, Status
 from lapwing.engine import CYCLE_NAMES, Numerics, Wanted, work_counts
 from lapwing.gear_pair import GearPair
-from lapwing.studies.period import find_period
+from lapwing.stability_names import NUMBERS
+from lapwing.studies.period import find_period, motion_class
+from lapwing.studies.stability import CycleMaps, findings, growth
 from lapwing.threads import default_threads
 
 STARTS = ("rest", "up", "down")
-RECORDS = ("cycles", "impacts")
+RECORDS = ("cycles", "impacts", "exponents", "speeds", "spectra")
+# Bins of impact speeds, and how far below the fastest they begin.
+SPEED_BINS, SPEED_DECADES = 160, 4
 # Columns of the cycle table that must match between cycles of a periodic motion: the strobed
 # motion state, counted impacts, releases, engages and chatter ends. Resolved chatter impacts are
 # left out: how many are listed before a chatter is summed is a matter of the last bit.
@@ -22,7 +26,10 @@ LABELS = ("motion_state", "counted_impacts", "counted_back_impacts", "releases",
           "engages", "back_engages", "chatter_ends", "back_chatter_ends")
 UNITS = {"phi": "rad", "phi_dot": "rad per tau", "deepest_separation": "rad",
          "deepest_back_penetration": "rad", "impact_phase": "mesh periods",
-         "impact_velocity": "rad per tau"}
+         "impact_velocity": "rad per tau", "lyapunov_exponent": "per tau",
+         "lyapunov_exponent_error": "per tau", "second_lyapunov_exponent": "per tau",
+         "lyapunov_exponent_per_cycle": "per mesh cycle", "speed_edge": "rad per tau",
+         "impact_speed_density": "per mesh cycle", "slow_impacts": "per mesh cycle"}
 PARAMETER_UNITS = {"brake_torque": "N m", "drive_torque": "N m", "pinion_speed_rpm": "rev/min",
                    "pinion_speed_rad_s": "rad/s", "mesh_frequency_hz": "Hz",
                    "pinion_base_lever": "m", "mesh_stiffness": "N/m", "backlash": "rad",
@@ -46,8 +53,11 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
     starts : of 'rest' (each value from rest), 'up' and 'down' (each value from where the next
         lower or higher one ended)
     settle, record : int, mesh cycles before recording (>= 0), and recorded (>= 1)
-    observe : of 'cycles' (statistics of each recorded cycle) and 'impacts' (phase and speed of
-        up to `max_impacts` recorded impacts); the rest costs nothing
+    observe : of 'cycles' (statistics of each recorded cycle), 'impacts' (phase and speed of up to
+        `max_impacts` recorded impacts), 'exponents' (Lyapunov exponents of every motion, Floquet
+        multipliers of the periodic ones; wants 'cycles'), 'speeds' (impacts of every speed,
+        counted in bins) and 'spectra' (order spectrum of φ over 48 further cycles); the rest
+        costs nothing
     phase : float, mesh phase at the start
     method, rtol, chatter_tol, count_depth, max_events_per_cycle, max_steps_per_cycle :
         see `Numerics`
@@ -71,20 +81,26 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
     numerics = Numerics(method=method, rtol=rtol, chatter_tol=chatter_tol, count_depth=count_depth,
                         max_events_per_cycle=max_events_per_cycle,
                         max_steps_per_cycle=max_steps_per_cycle)
-    wanted = Wanted(cycles="cycles" in observe, strobe=True, impacts="impacts" in observe)
-    oscillators = [_oscillator(pair, te, parameter, value, operation) for value in values]
+    wanted = Wanted(cycles="cycles" in observe, strobe=True, impacts="impacts" in observe,
+                    tangent="exponents" in observe)
+    oscillators = [oscillator_at(pair, te, parameter, value, operation) for value in values]
     if any(osc.force < 0 and osc.gap == "one_flank" for osc in oscillators):
         raise ValueError("sweep: rest with a negative force needs a coast flank to rest on")
+    if "speeds" in observe:
+        wanted = replace(wanted, speed_edges=tuple(_speed_edges(oscillators)))
     lines = _lines(starts, len(values))
     result = engine.sweep(
         oscillators * len(starts), lines, [(engine.REST, 0, 0, phase)] * len(lines),
         numerics=numerics, wanted=wanted, settle=settle, record=record, log_room=max_impacts,
         threads=threads or default_threads(), progress=progress,
         keep_interrupted=keep_interrupted)
-    return _dataset(result, oscillators, parameter, values, starts, wanted, phase,
+    data = _dataset(result, oscillators, parameter, values, starts, wanted, phase,
                     {"settle": settle, "record": record, "rtol": rtol,
                      "method": engine.common_method(oscillators, numerics),
                      "count_depth": count_depth, "interrupted": int(result.interrupted)})
+    if "spectra" in observe:
+        data = _with_spectra(data, result, oscillators * len(starts), numerics, threads)
+    return data
 
 
 def _check(parameter, values, starts, settle, record, observe, max_impacts):
@@ -99,6 +115,8 @@ def _check(parameter, values, starts, settle, record, observe, max_impacts):
             problems.append(f"{key} = {given!r}, a tuple of {', '.join(allowed)} is meant")
     if not starts:
         problems.append("starts is empty")
+    if "exponents" in observe and "cycles" not in observe:
+        problems.append("observe: 'exponents' wants 'cycles' beside it")
     for key, given, least in (("settle", settle, 0), ("record", record, 1),
                               ("max_impacts", max_impacts, 1)):
         if not (isinstance(given, int | np.integer) and least <= given < engine.MAX_INT):
@@ -110,8 +128,8 @@ def _check(parameter, values, starts, settle, record, observe, max_impacts):
     return values
 
 
-def _oscillator(pair, te, parameter, value, operation):
-    """Oscillator of one value of the parameter."""
+def oscillator_at(pair, te, parameter, value, operation):
+    """Oscillator of one value of the parameter; `operation` holds the other arguments."""
     if parameter in {field.name for field in fields(GearPair)}:
         return replace(pair, **{parameter: float(value)}).oscillator(te, **operation)
     return pair.oscillator(te, **{**operation, parameter: float(value)})
@@ -147,8 +165,14 @@ def _dataset(result, oscillators, parameter, values, starts, wanted, phase, attr
         data[name] = ((*by_point, "recorded_cycle"), table)
     if wanted.cycles:
         data["period"] = (by_point, _periods(tables, oscillators))
+        data["motion_class"] = (by_point, _classes(tables, data["period"][1], oscillators))
+    if wanted.tangent:
+        data |= _stability(result, tables, data["period"][1], oscillators, by_point)
     if wanted.impacts:
         data |= _impacts(result, oscillators, shape, by_point)
+    if wanted.speed_edges:
+        coords["speed_edge"] = list(wanted.speed_edges)
+        data |= _speeds(result, shape, by_point, attrs["record"])
     dataset = xr.Dataset(data, coords, {**attrs, "phase": phase})
     dataset["status"].attrs.update(
         flag_values=np.array([int(status) for status in Status], dtype=np.int8),
@@ -174,6 +198,79 @@ def _periods(tables, oscillators):
         scale = max(abs(oscillators[j].force), table[:, deepest].max()) or oscillators[j].backlash
         periods[i, j] = find_period(table[:, phi], table[:, phi_dot], table[:, labels], scale)
     return periods
+
+
+def _classes(tables, periods, oscillators):
+    """Class of each point, `period.motion_class`; without restitution arrivals are counted."""
+    counts = ("engages", "back_engages") if oscillators[0].contact_law == "compliant" else (
+        "counted_impacts", "counted_back_impacts")
+    drive, coast, ends, back_ends = (tables[..., CYCLE_NAMES.index(name)] for name in (
+        *counts, "chatter_ends", "back_chatter_ends"))
+    classes = np.full(periods.shape, "failed", dtype=object)
+    for at in np.ndindex(*periods.shape):
+        if np.all(np.isfinite(drive[at])):
+            classes[at] = motion_class(int(periods[at]), drive[at], coast[at],
+                                       np.any(ends[at] + back_ends[at] > 0))
+    return classes.astype(str)
+
+
+def _stability(result, tables, periods, oscillators, by_point):
+    """Exponents, multipliers and their checks, `stability.findings`; NaN where a run failed."""
+    rows = result.tangent.reshape(*periods.shape, *result.tangent.shape[1:])
+    depth = tables[..., CYCLE_NAMES.index("deepest_separation")].max(axis=-1)
+    grown = growth(CycleMaps.from_rows(rows, 1.0))
+    data = {name: np.full(periods.shape, np.nan) for name in NUMBERS}
+    values = np.full((*periods.shape, 2), np.nan, dtype=complex)
+    for i, j in np.ndindex(*periods.shape):
+        if np.any(np.isnan(rows[i, j])):
+            continue
+        osc = oscillators[j]
+        found = findings(CycleMaps.from_rows(rows[i, j], osc.period), osc, int(periods[i, j]),
+                         max(abs(osc.force), depth[i, j]) or osc.backlash, grown[i, j])[0]
+        values[i, j] = found.pop("multipliers")
+        for name, number in found.items():
+            data[name][i, j] = number
+    dims = (*by_point, "multiplier")
+    return {name: (by_point, column) for name, column in data.items()} | {
+        "multiplier_real": (dims, values.real), "multiplier_imag": (dims, values.imag)}
+
+
+def _with_spectra(data, result, oscillators, numerics, threads):
+    """Order spectra beside the rest, `waterfall.spectra`."""
+    from lapwing.studies.waterfall import spectra
+
+    orders, amplitudes = spectra(
+        oscillators, result.outcome[:, [0, 2, 3, 4]], data.attrs["phase"], numerics=numerics,
+        threads=threads or default_threads())
+    by_point = data["status"].dims
+    count = data.sizes[by_point[1]]
+    ratio = [osc.mesh_frequency_ratio for osc in oscillators[:count]]
+    return data.assign_coords(order=orders).assign(
+        order_spectrum=((*by_point, "order"), amplitudes.reshape(*data["status"].shape, -1)),
+        mesh_frequency_ratio=(by_point[1], ratio))
+
+
+def _speed_edges(oscillators):
+    """Edges of the bins, rad per τ: up to a speed that hardly any impact exceeds.
+
+    That is the speed of a fall through the gap and twice the flank's fastest, both ways.
+    """
+    phase = np.arange(1000) / 1000
+    fastest = max(
+        np.sqrt(2 * abs(osc.force) * min(osc.gap_width, 2 * osc.backlash))
+        + 4 * abs(osc.flank_scale) * np.abs(osc.te.derivative(1, phase)).max() / osc.period
+        for osc in oscillators) or 1.0
+    return fastest * np.logspace(-SPEED_DECADES, 0, SPEED_BINS + 1)
+
+
+def _speeds(result, shape, by_point, record):
+    """Impacts per mesh cycle in each bin, the last one with what is faster; and what is slower."""
+    counts = result.density.reshape(*shape, -1) / record
+    counts[result.outcome[:, 0].reshape(shape) != Status.OK] = np.nan
+    inside = counts[..., 1:-1].copy()
+    inside[..., -1] += counts[..., -1]
+    return {"impact_speed_density": ((*by_point, "speed_bin"), inside),
+            "slow_impacts": (by_point, counts[..., 0])}
 
 
 def _impacts(result, oscillators, shape, by_point):

@@ -1,0 +1,124 @@
+"""The search for a critical value: what was tried, what was seen, and the bracket that is left."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lapwing.codes import SearchStage
+from lapwing.plots import style
+from lapwing.plots.critical_marks import draw_marks, label_of
+from lapwing.plots.sweep_parts import AXIS_LABELS
+
+LOOKS = {
+    SearchStage.SCAN: {"marker": "o", "color": style.BLUE, "label": "scan, from the safe end"},
+    SearchStage.BISECTION: {"marker": "s", "color": style.ORANGE, "label": "bisection"},
+    SearchStage.CARRIED: {"marker": "^", "color": style.VERMILION, "label": "motions carried from "
+                          "the unsafe side"},
+    SearchStage.FURTHER: {"marker": "o", "color": style.SKY, "label": "beyond the bracket"},
+}
+TITLES = {"full": "complete engagement", "safe": "rattling motions", "back": "back impacts",
+          "on": "rigid tooth on the flank"}
+# The second panel of a search shows so many widths of the bracket to either side.
+CLOSE_UP = 6
+
+
+@style.house_style()
+def draw(critical, gear_pair=None, *, title=None, marks=()):
+    """Draw one search.
+
+    Parameters
+    ----------
+    critical : xarray.Dataset, group `critical_<name>` of a result file, with the dimension `trial`
+    gear_pair : not used
+    title : str or None
+    marks : sequence of critical_marks.Mark, other critical values along the same parameter
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    find = str(critical.attrs["find"])
+    draws = {"safe": _safe, "back": _back, "full": _margin, "on": _margin}[find]
+    close_up = find == "safe" and critical.attrs["outcome"] == "found"
+    figure = style.new_figure(10.5 if close_up else 9, 4.4)
+    axes = figure.subplots(1, 2 if close_up else 1, width_ratios=[3, 2] if close_up else [1],
+                           squeeze=False)[0]
+    for axis in axes:
+        draws(axis, critical)
+        parameter = str(critical.attrs["parameter"])
+        axis.set_xlabel(AXIS_LABELS.get(parameter, parameter.replace("_", " ")))
+    draw_marks(axes[:1], axes[0], marks, np.sort(critical["trial_value"].values),
+               heights=(0.85, 0.3))
+    if close_up:
+        middle, half = critical.attrs["estimate"], critical.attrs["bar"]
+        axes[1].set_xlim(middle - CLOSE_UP * half, middle + CLOSE_UP * half)
+        axes[1].set_title(f"the bracket, {2 * half:.2g} wide")
+        axes[1].set_ylabel("")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(5, len(labels)))
+    name = critical.attrs.get("name", find)
+    figure.suptitle(f"{name}: {TITLES[find]}; {label_of(critical)}" if title is None else title)
+    return figure
+
+
+def _safe(axis, critical):
+    """Share of the motions that rattle, at each value tried."""
+    stages = critical["trial_stage"].values
+    share = 100 * critical["trial_rattling"].values / critical["trial_starts"].values
+    values = critical["trial_value"].values
+    for stage, look in LOOKS.items():
+        at = stages == stage
+        if stage == SearchStage.CARRIED:  # of these the last step alone, not the way there
+            at &= np.isin(values, (critical.attrs["rattling"], critical.attrs["clean"]))
+        if at.any():
+            carried = stage == SearchStage.CARRIED
+            axis.plot(values[at], share[at], linestyle="", markersize=10 if carried else 6,
+                      zorder=4, markerfacecolor="none" if carried else look["color"], **look)
+    failed = critical["trial_failed"].values > 0
+    if failed.any():
+        axis.plot(values[failed], share[failed], linestyle="", marker="x", markersize=9,
+                  color=style.BLACK, label="some runs failed", zorder=5)
+    grid = np.isin(stages, (SearchStage.SCAN, SearchStage.FURTHER))
+    order = np.argsort(values[grid])
+    axis.step(values[grid][order], share[grid][order], where="mid", color="0.75", linewidth=1,
+              zorder=2)
+    _bracket(axis, critical.attrs["rattling"], critical.attrs["clean"], "bracket")
+    axis.set_ylim(-4, 104)
+    axis.set_ylabel("motions that rattle (% of the starts)")
+
+
+def _back(axis, critical):
+    """Part of the cycles with a back impact; where none was seen, the limit of that part."""
+    values = critical["trial_value"].values
+    cycles = np.maximum(critical["trial_cycles"].values, 1)
+    rate = critical["trial_back_cycles"].values / cycles
+    seen = rate > 0
+    axis.plot(values[seen], rate[seen], linestyle="", marker="o", markersize=5,
+              color=style.VERMILION, label="seen: share of the cycles", zorder=4)
+    limit = critical["trial_rate_bound"].values
+    percent = 100 * critical.attrs["confidence"]
+    axis.plot(values[~seen], limit[~seen], linestyle="", marker="v", markersize=5,
+              markerfacecolor="none", color=style.BLUE, zorder=4,
+              label=f"none seen: upper limit, {percent:g} % confidence")
+    axis.set_yscale("log")
+    _bracket(axis, critical.attrs["last_seen"], critical.attrs["first_clean"],
+             "last seen to first clean value")
+    axis.set_ylabel("mesh cycles with a back impact\n(share of those examined)")
+
+
+def _margin(axis, critical):
+    """Force above the one that contact needs."""
+    axis.plot(critical["trial_value"], style.URAD * critical["trial_margin"], color=style.BLUE,
+              marker="o", markersize=4, label="F above the force that contact needs")
+    axis.axhline(0, color="0.5", linewidth=0.8)
+    if np.isfinite(critical.attrs["estimate"]):
+        axis.plot(critical.attrs["estimate"], 0, marker="D", markersize=8, linestyle="",
+                  markerfacecolor="none", markeredgewidth=1.8, color=style.VERMILION,
+                  label="solved")
+    axis.set_ylabel("force margin (µrad)")
+
+
+def _bracket(axis, one, two, label):
+    if np.isfinite(one + two):
+        axis.axvspan(min(one, two), max(one, two), color=style.ORANGE, alpha=0.35, linewidth=0.8,
+                     zorder=1, label=label)

@@ -1,0 +1,282 @@
+"""What the searches for critical values found, in sentences that say what they rest on."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lapwing.codes import SearchStage
+from lapwing.summary_words import UNITS, markdown, plural
+
+SYMBOLS = {"full": "T_full", "safe": "T_safe", "back": "T_back", "on": "T_on"}
+MEANINGS = {"full": "complete engagement", "safe": "no rattling survives",
+            "back": "last back impact", "on": "rigid tooth stays on"}
+# Bands of back impacts named one by one; of more the outermost.
+BANDS = 8
+REASONS = {"thrown_off": "a kink that throws the tooth off",
+           "struck": "a kink that strikes the resting tooth, which bounces"}
+
+
+def critical_text(criticals):
+    """Findings of all searches: a table, then a paragraph each.
+
+    Parameters
+    ----------
+    criticals : sequence of Dataset, groups `critical_<name>` of a result file
+
+    Returns
+    -------
+    list of str, lines of Markdown
+    """
+    rows = [("name", "what", "parameter", "value", "bar")]
+    rows += [(one.attrs["name"], MEANINGS[one.attrs["find"]],
+              one.attrs["parameter"].replace("_", " ") + f" ({_unit(one)})" * bool(_unit(one)),
+              *_cells(one)) for one in criticals]
+    lines = [*markdown(rows), ""]
+    for one in criticals:
+        lines += [f"- `{one.attrs['name']}`: {_sentences(one)}"]
+    return [*lines, *_together(criticals)]
+
+
+def headline(critical):
+    """The result in one line.
+
+    Parameters
+    ----------
+    critical : Dataset
+
+    Returns
+    -------
+    str
+    """
+    value, bar = _cells(critical)
+    text = f"{MEANINGS[critical.attrs['find']]}: {_name(critical)} {value}"
+    if critical.attrs["outcome"] != "found":
+        return text.replace(" =", "")
+    return f"{text}{f' ± {bar}' if bar[0].isdigit() else ''} {_unit(critical)}".rstrip()
+
+
+def decimals(value, bar):
+    """`value` to the digits that its bar leaves, and the bar to two digits."""
+    places = max(0, 1 - math.floor(math.log10(bar))) if bar > 0 else 6
+    return f"{value:.{places}f}", f"{bar:.2g}"
+
+
+def _cells(critical):
+    """Value and bar of the table."""
+    attrs = critical.attrs
+    if attrs["outcome"] != "found":
+        return {"safe_throughout": f"none down to {attrs.get('scan_to', 0):g}"
+                if attrs.get("safe_end") == "high" else f"none up to {attrs.get('scan_to', 0):g}",
+                "none_seen": "none seen",
+                "unsafe_throughout": f"beyond {attrs.get('scan_from', 0):g}"}.get(
+                    attrs["outcome"], "none"), "–"
+    if attrs["find"] in ("full", "on"):
+        return f"{attrs['estimate']:.12g}", "rounding"
+    if attrs["find"] == "back":
+        return f"{attrs['estimate']:g}", f"{attrs['bar']:.2g}"
+    return decimals(attrs["estimate"], attrs["bar"])
+
+
+def _unit(critical):
+    return UNITS.get(critical.attrs["parameter"], "")
+
+
+def _name(critical):
+    """T_full and the like along the braking torque, else the parameter's name."""
+    attrs = critical.attrs
+    if attrs["parameter"] == "brake_torque":
+        return SYMBOLS[attrs["find"]] + " ="
+    return attrs["parameter"].replace("_", " ") + " ="
+
+
+def _with_unit(critical, value):
+    return f"{value:.10g} {_unit(critical)}".rstrip()
+
+
+def _sides(critical):
+    """On which side of a value it is safe, and on which not."""
+    return ("above", "below") if critical.attrs.get("safe_end", "high") == "high" \
+        else ("below", "above")
+
+
+def _sentences(critical):
+    sentences = {"full": _full, "on": _on, "safe": _safe, "back": _back}[critical.attrs["find"]]
+    return sentences(critical) + (" (The group sets torque or speed of its own.)"
+                                  * bool(critical.attrs.get("own_operation", 0)))
+
+
+def _full(critical):
+    attrs = critical.attrs
+    if attrs["outcome"] == "resonance":
+        return ("**none**: without damping and at a whole number of natural periods in the mesh "
+                "period there is no engaged response.")
+    if attrs["outcome"] != "found":
+        return _throughout(critical, "the engaged motion keeps contact",
+                           "the engaged motion loses contact")
+    how = "closed form" if "scan_from" not in attrs else \
+        f"scan of {attrs['scan_values']} values from {attrs['scan_from']:g}, then solved"
+    side, other = _sides(critical)
+    return (f"**{_name(critical)} {attrs['estimate']:.12g} {_unit(critical)}** ({how}, to "
+            f"rounding): {side} it the engaged motion keeps contact; just {other} it, contact is "
+            f"lost first at mesh phase {attrs['phase']:.9f}. Nothing is said of other motions "
+            "beside it.")
+
+
+def _on(critical):
+    attrs = critical.attrs
+    if attrs["outcome"] in REASONS:
+        return (f"**none**: at mesh phase {attrs['phase']:.6g} the transmission error has "
+                f"{REASONS[attrs['outcome']]}, whatever the force.")
+    if attrs["outcome"] != "found":
+        return _throughout(critical, "a rigid tooth stays on the flank",
+                           "a rigid tooth leaves the flank")
+    side, other = _sides(critical)
+    return (f"**{_name(critical)} {attrs['estimate']:.12g} {_unit(critical)}** (F = max g'', to "
+            f"rounding): {side} it a rigid tooth that rests on the drive flank stays there; just "
+            f"{other} it, the tooth leaves first at mesh phase {attrs['phase']:.9f}. Bouncing may "
+            "exist beside it.")
+
+
+def _throughout(critical, good, bad):
+    """A search whose range holds no change."""
+    attrs = critical.attrs
+    if attrs["outcome"] == "safe_throughout":
+        end = _with_unit(critical, attrs["scan_to"])
+        return (f"**none between {attrs['scan_from']:g} and {end}**: {good} at all "
+                f"{attrs['scan_values']} values tried.")
+    return (f"**beyond {_with_unit(critical, attrs['scan_from'])}**: already at this value, the "
+            f"safe end of the search, {bad}; begin farther out.")
+
+
+def _safe(critical):
+    attrs = critical.attrs
+    looked = (f"Motions: from rest and {attrs['n_starts'] - 1} starts "
+              f"({attrs['start_phases']} phases × {attrs['start_positions']} positions × "
+              f"{attrs['start_speeds']} speeds, in separation and in engagement), each looked at "
+              f"for {plural(attrs['record'], 'mesh cycle')} after {attrs['settle']}; starts "
+              "outside of this set are not covered.")
+    if attrs["outcome"] != "found":
+        return _throughout(critical, "no motion rattles", "some motion rattles") + " " + looked
+    last, first = attrs["rattling"], attrs["clean"]
+    trials = critical.isel(trial=np.flatnonzero(critical["trial_stage"] < SearchStage.CONFIRMATION))
+    at_last = _worst(trials, last)
+    scanned = critical["trial_value"].values[critical["trial_stage"].values == SearchStage.SCAN]
+    beyond = int(np.sum((scanned - first) * (first - last) > 0))
+    value, bar = decimals(attrs["estimate"], attrs["bar"])
+    others = f" and at the {plural(beyond, 'value')} tried {_sides(critical)[0]} it, as far as " \
+             f"{attrs['scan_from']:g}," if beyond else ""
+    return (f"**{_name(critical)} {value} ± {bar} {_unit(critical)}**: at "
+            f"{_with_unit(critical, last)} {at_last['rattling']} of {at_last['starts']} motions "
+            f"still rattle, at {_with_unit(critical, first)}{others} none. "
+            + _failures(trials) + _confirmation(critical) +
+            f"Rattling motions were carried on in steps of {2 * attrs['resolution']:.3g} "
+            f"{_unit(critical)} or less until none survived. " + _further(critical) + looked)
+
+
+def _worst(trials, value):
+    """Numbers of the trial with most rattling at one value."""
+    at = np.flatnonzero(trials["trial_value"].values == value)
+    best = at[np.argmax(trials["trial_rattling"].values[at])]
+    return {key: int(trials[f"trial_{key}"].values[best]) for key in ("rattling", "starts")}
+
+
+def _failures(trials):
+    failed = int(trials["trial_failed"].sum())
+    return f"**{failed} motions failed numerically and count as rattling.** " if failed else ""
+
+
+def _confirmation(critical):
+    stage = critical["trial_stage"].values
+    if not np.any(stage == SearchStage.CONFIRMATION):
+        return ""
+    one = critical.isel(trial=int(np.flatnonzero(stage == SearchStage.CONFIRMATION)[0]))
+    return (f"Of {int(one['trial_starts'])} of those followed ten times as long "
+            f"{int(one['trial_rattling'])} still rattle"
+            + (". " if int(one["trial_rattling"]) else ": there, rattling is a long transient. "))
+
+
+def _further(critical):
+    """What rattles at the values tried beyond the first rattling one."""
+    further = critical.isel(trial=np.flatnonzero(
+        critical["trial_stage"].values == SearchStage.FURTHER))
+    count = further.sizes["trial"]
+    if not count:
+        return ""
+    side = _sides(critical)[1]
+    quiet = further["trial_value"].values[further["trial_rattling"].values == 0]
+    carried = "and motions found there were carried back to it"
+    if not quiet.size:
+        return (f"At each of the {plural(count, 'value')} tried {side} the bracket some motion "
+                f"rattles, {carried}. ")
+    return (f"Of the {plural(count, 'value')} tried {side} the bracket none rattles at "
+            + ", ".join(f"{value:g}" for value in np.sort(quiet))
+            + f": not one threshold. At the others some motion rattles, {carried}. ")
+
+
+def _back(critical):
+    attrs = critical.attrs
+    looked = (f"Motions: from rest and {attrs['n_starts'] - 1} starts "
+              f"({attrs['start_phases']} phases × {attrs['start_positions']} positions × "
+              f"{attrs['start_speeds']} speeds, in separation and in engagement), each examined "
+              f"for {plural(attrs['record'], 'mesh cycle')} after {attrs['settle']}.")
+    if attrs["outcome"] == "none_seen":
+        return (f"**no back impact seen** at any of {attrs['clean_values']} values from "
+                f"{attrs['scan_from']:g} to {_with_unit(critical, attrs['scan_to'])}. "
+                + _bound(critical) + looked)
+    if attrs["outcome"] == "unsafe_throughout":
+        return _throughout(critical, "", "a back impact is seen") + " " + looked
+    at = int(np.flatnonzero(critical["trial_value"].values == attrs["last_seen"])[0])
+    seen, cycles = (int(critical[f"trial_{key}"].values[at]) for key in ("back_cycles", "cycles"))
+    return (f"**last back impact seen at {_with_unit(critical, attrs['last_seen'])}** ({seen:,} of "
+            f"{cycles:,} mesh cycles); none at the {plural(attrs['clean_values'], 'value')} from "
+            f"{attrs['first_clean']:g} to {attrs['clean_end']:g}, {attrs['clean_cycles']:,} "
+            "cycles in all. "
+            + _bound(critical) + _bands(critical) + " " + _failures(critical) + looked)
+
+
+def _bound(critical):
+    """The one-sided limit of the rate in words."""
+    attrs = critical.attrs
+    quiet = critical["trial_back_cycles"].values[:attrs["clean_values"]]
+    least = int(critical["trial_cycles"].values[:quiet.size].min())
+    percent = f"{100 * attrs['confidence']:g} %"
+    if least == 0:
+        return "**At some of these every motion failed; nothing is known there.** "
+    return (f"At each of these less than one cycle in {1 / attrs['rate_bound']:,.0f} has one, with "
+            f"{percent} confidence (one-sided, exact Poisson limit for none in {least:,} cycles "
+            "taken as independent). ")
+
+
+def _bands(critical):
+    """Values with and without a back impact, from low to high."""
+    order = np.argsort(critical["trial_value"].values)
+    values = critical["trial_value"].values[order]
+    hit = critical["trial_back_cycles"].values[order] > 0
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], hit, [False]]).astype(int)))
+    runs = [f"{values[a]:g}" if b - a == 1 else f"{values[a]:g}–{values[b - 1]:g}"
+            for a, b in edges.reshape(-1, 2)]
+    if len(runs) == 1:
+        return f"Back impacts at {runs[0]} {_unit(critical)}, at every value of the grid between."
+    shown = runs if len(runs) <= BANDS else [*runs[:BANDS // 2], "…", *runs[-BANDS // 2:]]
+    return (f"**Not one threshold:** back impacts come in {len(runs)} bands of the grid, "
+            + ", ".join(shown) + f" {_unit(critical)}, and none between them.")
+
+
+def _together(criticals):
+    """What T_full (rigid teeth: T_on) and T_safe say together."""
+    found = {one.attrs["find"]: one.attrs for one in criticals
+             if one.attrs["parameter"] == "brake_torque" and one.attrs["outcome"] == "found"
+             and not one.attrs.get("own_operation", 0)}
+    first = "full" if "full" in found else "on"
+    if not {first, "safe"} <= found.keys():
+        return []
+    kept, safe = found[first]["estimate"], found["safe"]
+    if abs(safe["estimate"] - kept) <= safe["bar"]:
+        return ["", f"T_safe agrees with {SYMBOLS[first]} within its bar: above it nothing but "
+                "engagement was found."]
+    if safe["estimate"] < kept:
+        return []
+    return ["", f"Between {kept:.4g} and {safe['estimate']:.4g} N·m engaged and rattling motions "
+            "exist side by side: the start decides, and a disturbance may start the rattling."]

@@ -1,0 +1,173 @@
+"""Where the branches of a sweep end in different motions, and where each of them jumps."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lapwing.codes import Status
+from lapwing.summary_words import markdown, plural
+
+# Branches differ in depth when they do so by more than this part of it.
+DEPTH_DIFFERS = 0.02
+# So many intervals are told one by one; of more, the widest.
+TABLE_LINES = 12
+
+
+def hysteresis(sweep, depth, unit):
+    """Intervals in which the branches carried up and down end in different motions.
+
+    Two motions differ when their periods do, or, both settled, their counted impacts or by more
+    than 2 % their depths. Counts beside a complete chatter hang on their threshold and are not
+    compared.
+
+    Parameters
+    ----------
+    sweep : Dataset with the cycles' statistics
+    depth : DataArray over start and parameter, rad; deepest separation of each point
+    unit : str
+
+    Returns
+    -------
+    list of str, a sentence, then lines of Markdown
+    """
+    starts = [str(start) for start in sweep["start"].values]
+    if not {"up", "down"} <= set(starts):
+        return ["not looked for (needs the starts up and down)"]
+    branches = {start: _Branch(sweep.sel(start=start), depth.sel(start=start).values)
+                for start in starts}
+    values = sweep[sweep.attrs["parameter"]].values
+    apart = branches["up"].differs(branches["down"])
+    lines = []
+    runs = _runs(apart)
+    if not runs:
+        lines.append("none: up and down agree in period, impacts and depth")
+    else:
+        lines.append("up and down differ in period, impacts or depth at "
+                     + _places(runs, branches, values, unit))
+    if "rest" in branches:
+        alone = branches["rest"].differs(branches["up"]) \
+            & branches["rest"].differs(branches["down"]) & ~apart
+        if alone.any():
+            lines[0] += "; from rest a motion unlike both, which agree, at " \
+                + _list(_runs(alone), values) + f" {unit}"
+    wide = [run for run in runs if run[1] > run[0]]
+    return lines + (_table(wide, branches, values, unit) if wide else [])
+
+
+class _Branch:
+    """What is compared of one branch, over the parameter."""
+
+    def __init__(self, branch, depth):
+        self.ok = branch["status"].values == Status.OK
+        self.period = branch["period"].values
+        self.depth = depth
+        self.impacts, self.back = (self._per_cycle(branch[key].values) for key in
+                                   ("counted_impacts", "counted_back_impacts"))
+        self.chatter = branch["chatter_ends"].sum("recorded_cycle").values > 0
+
+    def _per_cycle(self, counts):
+        """Mean over the last whole period, without one over all recorded cycles."""
+        return np.array([np.mean(row[-period:] if period else row)
+                         for row, period in zip(counts, self.period, strict=True)])
+
+    def differs(self, other):
+        """Where two branches end in different motions."""
+        settled = (self.period > 0) & (other.period > 0)
+        greatest = np.fmax(self.depth, other.depth)
+        differ = settled & (np.abs(self.depth - other.depth) > DEPTH_DIFFERS * greatest)
+        differ |= self.period != other.period
+        counted = settled & ~(self.chatter | other.chatter)
+        differ |= counted & ((self.impacts != other.impacts) | (self.back != other.back))
+        return differ & self.ok & other.ok
+
+    def describe(self, i):
+        """Motion at one value: engaged, or class and depth."""
+        if not self.ok[i]:
+            return "failed"
+        if self.depth[i] == 0:
+            return "engaged"
+        p = int(self.period[i])
+        name = f"{p}:({self.impacts[i] * p:.4g},{self.back[i] * p:.4g})" + "c" * bool(
+            self.chatter[i]) if p else f"no period, {self.impacts[i]:.3g} impacts per cycle"
+        return f"{name}, {1e6 * self.depth[i]:.4g} µrad"
+
+    def alike(self, i, j):
+        """Whether class, and being apart at all, are the same at two values."""
+        return self.period[i] == self.period[j] and (
+            not self.period[i] or self.chatter[i] or self.chatter[j]
+            or (self.impacts[i], self.back[i]) == (self.impacts[j], self.back[j])) and (
+            (self.depth[i] == 0) == (self.depth[j] == 0))
+
+
+def _places(runs, branches, values, unit):
+    """Where the branches differ, in words."""
+    wide = [run for run in runs if run[1] > run[0]]
+    single = [first for first, last in runs if last == first]
+    chaos = (branches["up"].period == 0) | (branches["down"].period == 0)
+    beside = sum(bool(chaos[max(i - 1, 0):i + 2].any()) for i in single)
+    parts = [_list(wide, values) + f" {unit}"] if wide else []
+    if single:
+        parts.append(plural(len(single), "single value")
+                     + f" ({beside} in or beside chaotic bands)" * bool(beside))
+    return " and ".join(parts)
+
+
+def _list(runs, values):
+    return ", ".join(f"{values[a]:g}" if a == b else f"{values[a]:g}–{values[b]:g}"
+                     for a, b in runs)
+
+
+def _table(runs, branches, values, unit):
+    """Each interval with the motions at its middle, and the jumps at its ends."""
+    left_out = len(runs) - TABLE_LINES
+    shown = sorted(sorted(runs, key=lambda run: values[run[0]] - values[run[1]])[:TABLE_LINES])
+    rows = [(f"interval ({unit})" if unit else "interval", "upwards", "downwards", "from rest",
+             "jump at its lower end", "jump at its upper end")]
+    for first, last in shown:
+        middle = (first + last) // 2
+        rows.append((f"{values[first]:g}–{values[last]:g}",
+                     branches["up"].describe(middle), branches["down"].describe(middle),
+                     _rest(branches, middle), _jump(branches, values, first, first - 1),
+                     _jump(branches, values, last, last + 1)))
+    text = f" (the widest of {len(runs)})" if left_out > 0 else ""
+    return ["", f"Two motions beside each other{text}, as found at the middle of each interval; a "
+            "jump lies between the two values given:", "", *markdown(rows)]
+
+
+def _rest(branches, i):
+    """Which of the two the motion from rest is."""
+    if "rest" not in branches:
+        return "–"
+    names = [name for name, start in (("as upwards", "up"), ("as downwards", "down"))
+             if branches["rest"].ok[i] and not branches["rest"].differs(branches[start])[i]]
+    return names[0] if names else branches["rest"].describe(i)
+
+
+def _jump(branches, values, inside, outside):
+    """Which branches change their motion between the end of an interval and the value next to it.
+
+    A branch jumps where its class changes, or its depth by more than half of what parts the two
+    branches inside: outside they agree, so one of them at least must.
+    """
+    if not 0 <= outside < values.size:
+        return "the range ends"
+    one, two = branches["up"], branches["down"]
+    parted = abs(one.depth[inside] - two.depth[inside])
+    first, last = sorted((inside, outside))
+    jumps = [f"{name} {branch.describe(first)} → {branch.describe(last)}"
+             for name, branch in (("upwards", one), ("downwards", two))
+             if not branch.alike(first, last)
+             or abs(branch.depth[inside] - branch.depth[outside]) > 0.5 * parted > 0]
+    return f"{values[first]:g} to {values[last]:g}: " + ("; ".join(jumps) or "gradual")
+
+
+def _runs(flags):
+    """First and last index of each run of flags; a single gap between long runs is bridged."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
+    runs = []
+    for first, last in (edges.reshape(-1, 2) - (0, 1)).tolist():
+        if runs and first - runs[-1][1] == 2 and (last > first and runs[-1][1] > runs[-1][0]):
+            runs[-1][1] = last
+        else:
+            runs.append([first, last])
+    return runs
