@@ -122,7 +122,8 @@ contains
       t = uniform(0.0_wp, 17.0_wp)
       call expand_series(harmonic_series(terms, 1.0_wp, omega), t, top_order, c)
       if (i == 0) c(0) = c(0) - terms(2, 1)*cos(terms(3, 1))
-      call expand_series(derivative_series(harmonic_series(terms, 1.0_wp, omega), i), t, top_order, d)
+      call expand_series(derivative_series(harmonic_series(terms, 1.0_wp, omega), i), t, &
+          top_order, d)
       do k = 0, top_order - i
         call tally%near(d(k), c(k + i)*gamma(k + i + 1.0_wp)/gamma(k + 1.0_wp), 20*eps, &
             "series of a derivative")
