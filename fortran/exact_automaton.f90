@@ -9,7 +9,8 @@ module lapwing_exact_automaton
       event_engage, event_kind
   use lapwing_event_search, only: work_t
   use lapwing_exact_oscillator, only: exact_oscillator_t, begin_curve, walls
-  use lapwing_exact_stretch, only: end_t, flight_end, contact_end
+  use lapwing_exact_contact, only: contact_end
+  use lapwing_exact_flight, only: end_t, flight_end
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_polynomial, only: max_degree
   use lapwing_smooth_curve, only: curve_t, expand_launch, flank_taylor

@@ -27,7 +27,7 @@ contains
       finish = min(scene%form%edge(panel + 1) - curve%t, until)
       call first_turn(scene, curve, panel, begin > 0 .and. begin == from, begin, finish, found, s)
       found = found .and. s > from .and. s < until
-      if (found .or. finish >= until) return
+      if (found .or. finish >= until .or. panel == scene%form%n) return
       begin = finish
       panel = panel + 1
     end do
@@ -62,7 +62,7 @@ contains
             call search(begin, finish)
           end if
         end if
-        if (finish >= until) exit
+        if (finish >= until .or. panel == scene%form%n) exit
         begin = finish
         panel = panel + 1
       end do

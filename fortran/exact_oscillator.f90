@@ -4,7 +4,8 @@ module lapwing_exact_oscillator
   use lapwing_codes, only: separation, no_flank, drive_flank, coast_flank
   use lapwing_closed_form, only: closed_form, locate_panel
   use lapwing_exact_inside, only: next_turn, farthest
-  use lapwing_exact_stretch, only: end_t, flight_end, contact_end, bounce, least_width
+  use lapwing_exact_contact, only: contact_end
+  use lapwing_exact_flight, only: end_t, flight_end, bounce, least_width
   use lapwing_harmonic_series, only: harmonic_series_t, harmonic_series, derivative_series, &
       series_at, bound_derivative
   use lapwing_oscillator, only: oscillator_t, parameters_t, oscillator, open_table_frame, &

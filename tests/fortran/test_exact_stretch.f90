@@ -5,7 +5,8 @@ program test_exact_stretch
   use exact_reference, only: qp, seed, uniform, chance, pick, random_scene, table_scene, &
       series_scene, quad_flow, amplification
   use lapwing_codes, only: no_flank, drive_flank, coast_flank
-  use lapwing_exact_stretch, only: end_t, flight_end, contact_end, bounce, least_width
+  use lapwing_exact_contact, only: contact_end
+  use lapwing_exact_flight, only: end_t, flight_end, bounce, least_width
   use lapwing_kinds, only: wp
   use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_launch
   use lapwing_transmission_error, only: locate_piece
