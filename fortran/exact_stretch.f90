@@ -285,7 +285,7 @@ contains
     type(target_t) :: goal
     integer :: panel
     logical :: found
-    real(wp) :: s, elapsed
+    real(wp) :: s, elapsed, last
     goal%sign = merge(1.0_wp, -1.0_wp, flank == drive_flank)
     goal%touching = touching
     panel = 0
@@ -301,7 +301,9 @@ contains
         call cross_near_knots(scene, goal, stop, curve, elapsed, found, s, at%x, at%v)
       end if
       if (.not. found) then
-        call release(scene, curve, goal, stop - elapsed, panel, found, s, at%x, at%v)
+        last = stop
+        if (elapsed > 0) last = at_edge(scene, curve%t, stop - elapsed)
+        call release(scene, curve, goal, last, panel, found, s, at%x, at%v)
       end if
     end if
     if (found) then
@@ -309,11 +311,25 @@ contains
       at%s = elapsed + s
     else
       at%s = stop
-      s = stop - elapsed
+      s = stop
+      if (elapsed > 0) s = at_edge(scene, curve%t, stop - elapsed)
       if (panel == 0) panel = last_panel(scene, curve%t + s)
       call curve_at(scene, curve, panel, s, at%x, at%v)
     end if
   end subroutine contact_end
+
+  !> A time that is a panel's edge but for rounding, put onto it.
+  pure real(wp) function at_edge(scene, t, s) result(time)
+    type(scene_t), intent(in) :: scene         !! scene
+    real(wp), intent(in) :: t                  !! time in the cycle
+    real(wp), intent(in) :: s                  !! time after it
+    integer :: panel
+    real(wp) :: edge
+    panel = last_panel(scene, t + s)
+    edge = scene%form%edge(panel + 1)
+    time = s
+    if (abs((t + s) - edge) <= 2*spacing(scene%form%period)) time = edge - t
+  end function at_edge
 
   !> A contact that begins just before a knot of a table goes on from there with a series of its
   !> own, so that it keeps its relative precision while it is small.

@@ -125,8 +125,8 @@ def _legend(responses):
             "of their cycle (without restitution: every arrival). ± is the difference to a second "
             "run, with rk4 at a tolerance of its own; in this table it is left out where it lies "
             "below the last digit. ≈ marks a motion without a period: ± is then the greater of two "
-            "differences of averages or greatest values, between the two runs and between the halves of the "
-            "record. "
+            "differences of averages or greatest values, between the two runs and between the "
+            "halves of the record. "
             + "“?” marks a motion that the second run does not confirm: it gives another class. "
             * doubtful
             + "A class p:(a,b) repeats every p mesh cycles with a drive and b coast impacts in "
