@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from lapwing.engine import Numerics, method_of
+from lapwing.engine import Numerics, common_method
 from lapwing.linear_response import critical_force
 from lapwing.rigid_contact import LiftOff, lift_off_force
 from lapwing.studies.critical_safe import SafeSearch, Trial
@@ -146,7 +146,7 @@ def critical_safe(pair, te, *, parameter="brake_torque", values, safe_end="high"
         "safe", parameter, outcome, 0.5 * (rattling + clean), 0.5 * abs(clean - rattling),
         _trials(search.trials), rattling=rattling, clean=clean, resolution=resolution,
         **_scan(values, safe_end), **_starts(starts, phase, settle, record),
-        method=method_of(at(float(values[0])), numerics), rtol=numerics.rtol,
+        method=common_method([at(float(value)) for value in values], numerics), rtol=numerics.rtol,
         n_starts=search.trials[0].starts)
 
 
@@ -209,7 +209,7 @@ def critical_back(pair, te, *, parameter="brake_torque", values, safe_end="high"
                    "trial_cycles": cycles, "trial_back_cycles": seen, "trial_rate_bound": bound},
         **_clean(values, seen, cycles, bound), **_scan(values, safe_end),
         **_starts(starts, phase, settle, record),
-        method=method_of(oscillators[0], numerics), rtol=numerics.rtol,
+        method=common_method(oscillators, numerics), rtol=numerics.rtol,
         n_starts=int(followed[0]))
 
 
