@@ -8,7 +8,7 @@ module lapwing_damped
   use lapwing_kinds, only: wp
   implicit none
   private
-  public :: damped_t, damped, free_motion, free_matrix, taylor_row, n_taylor
+  public :: damped_t, damped, free_motion, free_matrix, turn_undamped, taylor_row, n_taylor
 
   integer, parameter :: n_taylor = 13   !! derivatives tabulated by `taylor_row`
 
@@ -97,4 +97,49 @@ contains
     matrix(2, 1) = -e
     matrix(2, 2) = d - self%xi*e
   end function free_matrix
+
+  !> (x, x') without damping, turned through the angle whose cosine and sine are given, and rounded
+  !> once. Cycles that are all alike turn it through one angle again and again: the rounding of
+  !> cosine, sine and products would change its size by the same part each time.
+  pure function turn_undamped(c, s, x) result(turned)
+    real(wp), intent(in) :: c, s     !! cosine and sine, rounded
+    real(wp), intent(in) :: x(2)     !! before
+    real(wp) :: turned(2), lack
+    lack = 0.5_wp*lack_of_unity(c, s)
+    turned(1) = precise_sum(c, x(1), s, x(2), lack)
+    turned(2) = precise_sum(c, x(2), -s, x(1), lack)
+  end function turn_undamped
+
+  !> 1 - c**2 - s**2, not just its rounding.
+  pure real(wp) function lack_of_unity(c, s)
+    real(wp), intent(in) :: c, s     !! cosine and sine, rounded
+    ! One less the larger square is exact.
+    lack_of_unity = ((1 - max(c*c, s*s)) - min(c*c, s*s)) - (product_rest(c, c) &
+        + product_rest(s, s))
+  end function lack_of_unity
+
+  !> (a*b + c*d)*(1 + lack), rounded once.
+  pure real(wp) function precise_sum(a, b, c, d, lack)
+    real(wp), intent(in) :: a, b, c, d     !! factors
+    real(wp), intent(in) :: lack           !! small
+    real(wp) :: p, q, total, part, rest
+    p = a*b
+    q = c*d
+    total = p + q
+    part = total - p
+    rest = (p - (total - part)) + (q - part)
+    precise_sum = total + (rest + product_rest(a, b) + product_rest(c, d) + lack*total)
+  end function precise_sum
+
+  !> a*b less its rounded value (Dekker, Numer. Math. 18 (1971) 224-242).
+  pure real(wp) function product_rest(a, b)
+    real(wp), intent(in) :: a, b           !! factors
+    real(wp), parameter :: half_word = 2.0_wp**((digits(1.0_wp) + 1)/2) + 1
+    real(wp) :: x(2), high(2), low(2)
+    x = [a, b]
+    high = half_word*x
+    high = high - (high - x)
+    low = x - high
+    product_rest = ((high(1)*high(2) - a*b) + high(1)*low(2) + low(1)*high(2)) + low(1)*low(2)
+  end function product_rest
 end module lapwing_damped

@@ -85,9 +85,10 @@ contains
     logical, intent(out) :: found              !! whether the release comes before it
     real(wp), intent(out) :: s                 !! when, after `elapsed`
     real(wp), intent(out) :: x, v              !! position and velocity then
-    real(wp) :: knot
+    real(wp) :: knot, last
     integer :: piece
     elapsed = 0
+    last = stop
     found = .false.
     s = 0
     x = 0
@@ -96,7 +97,7 @@ contains
     do
       piece = curve%piece + 1
       knot = scene%table%knot(piece) - curve%t
-      if (elapsed + knot >= reach/scene%form%fastest .or. knot >= stop - elapsed) return
+      if (elapsed + knot >= reach/scene%form%fastest .or. knot >= last) return
       call first_meeting(scene, curve, locate_panel(scene%form, curve%t), .false., goal, 0.0_wp, &
           knot, found, s, x, v)
       if (found) return
@@ -106,6 +107,7 @@ contains
       goal%touching = .false.
       call launch(scene, .true., .true., scene%table%knot(piece), piece, x, v, curve)
       call expand_launch(scene, curve)
+      last = at_edge(scene, curve%t, stop - elapsed)
     end do
   end subroutine cross_near_knots
 

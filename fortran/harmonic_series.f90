@@ -33,7 +33,7 @@ contains
     real(wp), intent(in) :: mesh_frequency_ratio    !! Omega
     type(harmonic_series_t) :: self
     logical :: moving(size(terms, 2))
-    ! A term without amplitude moves nothing, even where its rate is that of an undamped resonance.
+    ! A term without amplitude must not meet a resonance.
     moving = terms(1, :) > 0 .and. terms(2, :) /= 0
     self%constant = scale*sum(terms(2, :)*cos(terms(3, :)), mask=.not. moving)
     self%rate = mesh_frequency_ratio*pack(terms(1, :), moving)

@@ -7,7 +7,7 @@
 module lapwing_smooth_curve
   use lapwing_kinds, only: wp
   use lapwing_closed_form, only: closed_form_t, locate_panel, free_size, reach
-  use lapwing_damped, only: free_motion
+  use lapwing_damped, only: free_motion, turn_undamped
   use lapwing_harmonic_series, only: turned_t, turn_series, turned_value, turned_taylor, &
       series_at, expand_series, top_order
   use lapwing_polynomial, only: max_degree, horner, horner_slope, taylor_shift
@@ -108,6 +108,10 @@ contains
     real(wp), intent(in) :: begin(2)           !! at its beginning
     real(wp), intent(in) :: d, e               !! see `free_motion`
     real(wp) :: state(2)
+    if (.not. form%damping%xi > 0) then
+      state = turn_undamped(d, e, begin)
+      return
+    end if
     state(1) = d*begin(1) + e*(begin(2) + form%damping%xi*begin(1))
     state(2) = d*begin(2) - e*(begin(1) + form%damping%xi*begin(2))
   end function free_state
