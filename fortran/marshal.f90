@@ -14,8 +14,7 @@ module lapwing_marshal
   use lapwing_method, only: moved_by
   use lapwing_oscillator, only: oscillator_t, parameters_t, start_at_rest, start_from
   use lapwing_polynomial, only: max_degree
-  use lapwing_recorder, only: recorder_t, start_recording, log_columns, cycle_columns, &
-      sample_columns
+  use lapwing_records, only: recorder_t, start_recording, log_columns, cycle_columns, sample_columns
   use lapwing_run, only: run_to, deadline_in
   use lapwing_state_blob, only: blob_size, work_size, pack_blob, unpack_blob
   use lapwing_sweep, only: sweep_t, line_t, sweep_lines, prepare_sweep

@@ -11,7 +11,7 @@ module lapwing_sweep
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
   use lapwing_method, only: moved_by
   use lapwing_oscillator, only: oscillator_t, parameters_t, start_at_rest, start_from
-  use lapwing_recorder, only: recorder_t, start_recording
+  use lapwing_records, only: recorder_t, start_recording
   use lapwing_run, only: run_to
   use lapwing_state_blob, only: pack_blob, unpack_blob, pack_work
   implicit none

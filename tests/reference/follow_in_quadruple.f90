@@ -8,7 +8,7 @@ program follow_in_quadruple
   use lapwing_kinds, only: wp
   use lapwing_method, only: moved_by
   use lapwing_oscillator, only: oscillator_t, parameters_t, start_at_rest, start_from
-  use lapwing_recorder, only: recorder_t, log_columns, cycle_columns
+  use lapwing_records, only: recorder_t, log_columns, cycle_columns
   use lapwing_run, only: run_to, deadline_in
   implicit none
 
