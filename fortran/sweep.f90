@@ -10,9 +10,11 @@ module lapwing_sweep
   use lapwing_event_search, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
   use lapwing_method, only: moved_by
-  use lapwing_oscillator, only: oscillator_t, parameters_t, start_at_rest, start_from
+  use lapwing_oscillator, only: oscillator_t
+  use lapwing_parameters, only: parameters_t
   use lapwing_records, only: recorder_t, start_recording
   use lapwing_run, only: run_to
+  use lapwing_starts, only: start_at_rest, start_from
   use lapwing_state_blob, only: pack_blob, unpack_blob, pack_work
   implicit none
   private

@@ -8,7 +8,9 @@ program test_automaton
   use lapwing_event_search, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t, event_t
   use lapwing_kinds, only: wp
-  use lapwing_oscillator, only: oscillator_t, parameters_t, oscillator, start_from
+  use lapwing_oscillator, only: oscillator_t, oscillator
+  use lapwing_parameters, only: parameters_t
+  use lapwing_starts, only: start_from
   use lapwing_system, only: system_t
   use test_systems, only: ball_t, forced_mass_t
   implicit none
