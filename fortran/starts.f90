@@ -7,9 +7,21 @@ module lapwing_starts
   use lapwing_transmission_error, only: locate_piece
   implicit none
   private
-  public :: start_at_rest, start_from
+  public :: start_as_told, start_at_rest, start_from
 
 contains
+
+  !> Start as a caller's four numbers say.
+  function start_as_told(self, start) result(instant)
+    class(oscillator_t), intent(in) :: self  !! oscillator
+    real(wp), intent(in) :: start(4)         !! negative: `rest`, or motion state; phi, phi'; phase
+    type(instant_t) :: instant
+    if (start(1) >= 0) then
+      instant = start_from(self, start(4), nint(start(1)), start(2), start(3))
+    else
+      instant = start_at_rest(self, start(4))
+    end if
+  end function start_as_told
 
   !> Start `rest`: the tooth rests on the flank that F presses it to, moving with it. A negative F
   !> wants a coast flank.
