@@ -172,7 +172,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 PYTHON_LAYERS = [
     {"codes", "transmission_error_file", "threads", "stability_names",
      "spectra"},
-    {"transmission_error"},
+    {"transmission_error", "result_variables"},
     {"oscillator"},
     {"gear_pair"},
     {"linear_response"},
