@@ -171,7 +171,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 # Lowest first; modules of one row may not import each other unless a row says so.
 PYTHON_LAYERS = [
     {"codes", "transmission_error_file", "threads", "stability_names",
-     "spectra"},
+     "spectra", "harmonic_series"},
     {"transmission_error", "result_variables"},
     {"oscillator"},
     {"gear_pair"},
