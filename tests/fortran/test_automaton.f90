@@ -2,7 +2,7 @@
 program test_automaton
   use assertions, only: tally_t
   use lapwing_automaton, only: advance
-  use lapwing_codes, only: separation, engagement, drive_flank, coast_flank, event_impact, &
+  use lapwing_codes, only: separation, engagement, coast_flank, event_impact, &
       event_chatter_end, event_engage, event_kind, status_ok, status_too_many_events, &
       status_too_many_steps, status_not_finite
   use lapwing_event_search, only: work_t

@@ -12,7 +12,7 @@ program test_tangent_map
   use lapwing_records, only: recorder_t, cycle_columns
   use lapwing_run, only: run_to, deadline_in
   use lapwing_starts, only: start_from
-  use lapwing_tangent_map, only: tangent_t, tangent_columns, tangent_row, impact_matrix
+  use lapwing_tangent_map, only: tangent_columns, impact_matrix
   implicit none
 
   real(wp), parameter :: period = 4
