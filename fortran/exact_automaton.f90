@@ -6,7 +6,8 @@ module lapwing_exact_automaton
   use lapwing_automaton, only: advance, at_stop, check_bounds, pass_stop
   use lapwing_chatter, only: listed_down_to
   use lapwing_codes, only: separation, no_flank, drive_flank, event_impact, event_release, &
-      event_engage, event_kind
+      event_engage
+  use lapwing_contact_rules, only: log_event
   use lapwing_event_search, only: work_t
   use lapwing_exact_oscillator, only: exact_oscillator_t, begin_curve, walls
   use lapwing_exact_contact, only: contact_end
@@ -136,7 +137,7 @@ contains
       if (after == 0 .or. abs(after) <= self%slow) return
       call arrive(state, segment, at)
       state%instant%y(1:2) = [0.0_wp, merge(after, -after, at%flank == drive_flank)]
-      call log_plainly(self, state, segment, event_impact, at%flank, before, after)
+      call log_event(self, state, segment, event_impact, at%flank, before, after)
       if (after > 0) call touch(self, state, segment, event_engage, at%flank, after, after)
     end if
     done = .true.
@@ -199,7 +200,7 @@ contains
     call arrive(state, segment, at)
     state%instant%motion_state = separation
     state%instant%y(1:2) = [0.0_wp, at%v]
-    call log_plainly(self, state, segment, event_release, flank, approach, approach)
+    call log_event(self, state, segment, event_release, flank, approach, approach)
     done = .true.
   end subroutine stay_in_contact
 
@@ -236,27 +237,6 @@ contains
     real(wp), intent(in) :: before, after           !! approach velocity
     state%instant%motion_state = flank
     state%instant%y(1:2) = [0.0_wp, merge(after, -after, flank == drive_flank)]
-    call log_plainly(self, state, segment, kind, flank, before, after)
+    call log_event(self, state, segment, kind, flank, before, after)
   end subroutine touch
-
-  !> Add a line to the segment's events.
-  pure subroutine log_plainly(self, state, segment, kind, flank, before, after)
-    type(exact_oscillator_t), intent(in) :: self    !! what moves
-    type(hybrid_state_t), intent(in) :: state       !! state after the event
-    type(segment_t), intent(inout) :: segment       !! what happened
-    integer, intent(in) :: kind                     !! event kind at the drive flank
-    integer, intent(in) :: flank                    !! flank
-    real(wp), intent(in) :: before, after           !! approach velocity
-    real(wp) :: direction
-    direction = merge(1.0_wp, -1.0_wp, flank == drive_flank)
-    segment%n_events = segment%n_events + 1
-    associate (event => segment%events(segment%n_events))
-      event%kind = event_kind(kind, flank)
-      event%cycle = state%instant%cycle
-      event%t = state%instant%t
-      event%before = direction*before
-      event%after = direction*after
-      event%phi = merge(0.0_wp, -self%width, flank == drive_flank)
-    end associate
-  end subroutine log_plainly
 end module lapwing_exact_automaton

@@ -8,8 +8,8 @@ module lapwing_exact_oscillator
   use lapwing_exact_flight, only: end_t, flight_end, bounce, least_width
   use lapwing_harmonic_series, only: harmonic_series_t, harmonic_series, derivative_series, &
       series_at, bound_derivative
-  use lapwing_oscillator, only: oscillator_t, parameters_t, oscillator, open_table_frame, &
-      frame_about
+  use lapwing_oscillator, only: oscillator_t, oscillator, open_table_frame, frame_about
+  use lapwing_parameters, only: parameters_t
   use lapwing_polynomial, only: max_degree, first_descent
   use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_launch, curve_at, flank_taylor, &
       acceleration_at

@@ -2,11 +2,12 @@
 module lapwing_hybrid_state
   use lapwing_kinds, only: wp
   use lapwing_codes, only: method_rk4
+  use lapwing_polynomial, only: horner
   use lapwing_step_control, only: step_memory_t
-  use lapwing_system, only: instant_t, frame_t, motion_t
+  use lapwing_system, only: system_t, instant_t, frame_t, motion_t, max_states
   implicit none
   private
-  public :: hybrid_state_t, numerics_t, event_t, segment_t
+  public :: hybrid_state_t, numerics_t, event_t, segment_t, instant_in_segment
 
   !> Most events one segment can end with: kink, impact, release, engage.
   integer, parameter :: max_segment_events = 4
@@ -54,4 +55,29 @@ module lapwing_hybrid_state
     type(event_t) :: events(max_segment_events)       !! those events
     logical :: cycle_completed = .false.              !! whether it ends a cycle
   end type segment_t
+
+contains
+
+  !> Where the system is at s within a segment.
+  subroutine instant_in_segment(system, segment, frame, s, instant)
+    class(system_t), intent(in) :: system        !! what moves
+    type(segment_t), intent(in) :: segment       !! what happened
+    type(frame_t), intent(in) :: frame           !! frame on the piece that holds s
+    real(wp), intent(in) :: s                    !! time since the segment began
+    type(instant_t), intent(out) :: instant      !! where it is
+    real(wp) :: z(max_states)
+    integer :: i
+    instant%motion_state = segment%motion_state
+    instant%chart = frame%chart
+    instant%cycle = segment%cycle
+    instant%t = segment%t + s
+    instant%piece = frame%piece
+    if (segment%closed) call system%inside(segment%begin, s, instant%y)
+    if (.not. segment%stepped) return
+    z = 0
+    do i = 1, system%n_states
+      z(i) = horner(segment%motion%dense(:, i), s/segment%motion%h)
+    end do
+    call system%commit(frame, s, z, frame%chart, instant%y)
+  end subroutine instant_in_segment
 end module lapwing_hybrid_state

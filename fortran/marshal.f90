@@ -12,11 +12,12 @@ module lapwing_marshal
   use lapwing_event_search, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
   use lapwing_method, only: moved_by
-  use lapwing_oscillator, only: oscillator_t, parameters_t, start_at_rest, start_from
+  use lapwing_oscillator, only: oscillator_t
+  use lapwing_parameters, only: parameters_t
   use lapwing_polynomial, only: max_degree
-  use lapwing_recorder, only: recorder_t, start_recording, log_columns, cycle_columns, &
-      sample_columns
+  use lapwing_records, only: recorder_t, start_recording, log_columns, cycle_columns, sample_columns
   use lapwing_run, only: run_to, deadline_in
+  use lapwing_starts, only: start_as_told
   use lapwing_state_blob, only: blob_size, work_size, pack_blob, unpack_blob
   use lapwing_sweep, only: sweep_t, line_t, sweep_lines, prepare_sweep
   use lapwing_tangent_map, only: tangent_columns
@@ -141,9 +142,7 @@ contains
         kinks == 1, series, system)
     recorder = recorder_from(reals, choices)
     if (start(1) > -1.5_wp) then
-      state%instant = start_at_rest(system, start(4))
-      if (start(1) >= 0) state%instant = start_from(system, start(4), nint(start(1)), start(2), &
-          start(3))
+      state%instant = start_as_told(system, start)
     else
       call unpack_blob(blob, state, recorder%sums, work)
       call start_recording(recorder)

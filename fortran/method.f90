@@ -3,7 +3,8 @@ module lapwing_method
   use lapwing_kinds, only: wp
   use lapwing_codes, only: method_exact
   use lapwing_exact_oscillator, only: exact_oscillator
-  use lapwing_oscillator, only: oscillator_t, parameters_t, oscillator
+  use lapwing_oscillator, only: oscillator_t, oscillator
+  use lapwing_parameters, only: parameters_t
   implicit none
   private
   public :: moved_by

@@ -6,8 +6,9 @@
 !> then starts at zero with zero slope, and a bounce of any size keeps its relative precision.
 module lapwing_oscillator
   use lapwing_kinds, only: wp
-  use lapwing_codes, only: separation, engagement, back_engagement, drive_flank, coast_flank, &
-      law_compliant, law_rigid, law_absolute, gap_symmetric, gap_one_flank
+  use lapwing_codes, only: separation, drive_flank, coast_flank, law_compliant, law_rigid, &
+      law_absolute, gap_symmetric, gap_one_flank
+  use lapwing_parameters, only: parameters_t, natural_angle, felt_jump
   use lapwing_polynomial, only: max_degree, horner, horner_slope, taylor_shift
   use lapwing_system, only: system_t, instant_t, frame_t, motion_t, step_t, max_states, &
       dense_degree, richardson, mean_rate
@@ -15,24 +16,8 @@ module lapwing_oscillator
       flank_motion_at
   implicit none
   private
-  public :: oscillator_t, parameters_t, oscillator, start_at_rest, start_from
+  public :: oscillator_t, oscillator
   public :: open_table_frame, frame_about
-
-  !> Everything dimensionless that defines an oscillator but its table.
-  type :: parameters_t
-    real(wp) :: force = 1                 !! F, rad
-    real(wp) :: mesh_frequency_ratio = 1  !! Omega
-    real(wp) :: flank_scale = 1           !! g / transmission error, +i12 or -i12
-    real(wp) :: peak_to_peak = 0          !! of g, rad
-    real(wp) :: damping_ratio = 0         !! xi
-    real(wp) :: restitution = 1           !! epsilon
-    real(wp) :: backlash = 1              !! theta0, rad
-    real(wp) :: tolerance = 1.0e-10_wp    !! relative; decides which curvature jumps are felt
-    integer :: contact_law = 1            !! law_*
-    integer :: impact_law = 1             !! law_*
-    integer :: gap = 1                    !! gap_*
-    logical :: back_flank_te = .true.     !! whether the coast flank moves with g
-  end type parameters_t
 
   type, extends(system_t) :: oscillator_t
     type(te_table_t) :: table             !! g over one mesh period
@@ -72,8 +57,7 @@ contains
       self%absolute = p%impact_law == law_absolute
       self%coast_moves = p%back_flank_te
       call set_force(self, p)
-      self%table = te_table(knots, coefficients, kinks, p%flank_scale, self%period, &
-          felt_jump(p, self%angle_scale))
+      self%table = te_table(knots, coefficients, kinks, p%flank_scale, self%period, felt_jump(p))
     end associate
   end function oscillator
 
@@ -82,8 +66,7 @@ contains
     class(oscillator_t), intent(inout) :: self
     type(parameters_t), intent(in) :: p      !! dimensionless parameters
     self%force = p%force
-    self%angle_scale = min(p%backlash, max(abs(p%force), p%peak_to_peak))
-    if (self%angle_scale <= 0) self%angle_scale = p%backlash
+    self%angle_scale = natural_angle(p)
     self%flight_velocity_scale = self%angle_scale*min(1.0_wp, p%mesh_frequency_ratio)
   end subroutine set_force
 
@@ -92,60 +75,8 @@ contains
     class(oscillator_t), intent(inout) :: self
     type(parameters_t), intent(in) :: parameters   !! dimensionless parameters
     call set_force(self, parameters)
-    call find_jumps(self%table, felt_jump(parameters, self%angle_scale))
+    call find_jumps(self%table, felt_jump(parameters))
   end subroutine change_force
-
-  !> Smallest curvature jump of g that a step in contact may not cross.
-  !>
-  !> A jump D of g'' bends the contact acceleration by 2 xi D s + D s**2/2; over a step of unit
-  !> length (a sixth of the natural period, longer ones are not accurate) that is a velocity of
-  !> D (xi + 1/6) which no fourth-order step sees. Felt is what exceeds the tolerance.
-  pure real(wp) function felt_jump(p, angle_scale)
-    type(parameters_t), intent(in) :: p      !! dimensionless parameters
-    real(wp), intent(in) :: angle_scale      !! natural size of angles
-    felt_jump = p%tolerance*angle_scale/(p%damping_ratio + 1.0_wp/6)
-  end function felt_jump
-
-  !> Start `rest`: the tooth rests on the flank that F presses it to, moving with it. A negative F
-  !> wants a coast flank.
-  function start_at_rest(self, phase) result(instant)
-    class(oscillator_t), intent(in) :: self  !! oscillator
-    real(wp), intent(in) :: phase            !! mesh phase, periods
-    type(instant_t) :: instant
-    real(wp) :: deflection
-    instant%t = phase*self%period
-    instant%piece = locate_piece(self%table, instant%t, 1)
-    deflection = merge(0.0_wp, self%force, self%rigid)
-    instant%y(1:2) = [deflection, 0.0_wp]
-    instant%motion_state = engagement
-    if (self%force < 0) then
-      instant%motion_state = back_engagement
-      instant%chart = coast_flank
-    end if
-  end function start_at_rest
-
-  !> Start from a motion state, phi and phi'.
-  function start_from(self, phase, motion_state, phi, phi_dot) result(instant)
-    class(oscillator_t), intent(in) :: self    !! oscillator
-    real(wp), intent(in) :: phase              !! mesh phase, periods
-    integer, intent(in) :: motion_state        !! separation, engagement or back_engagement
-    real(wp), intent(in) :: phi, phi_dot       !! rad, rad per tau
-    type(instant_t) :: instant
-    real(wp) :: g, slope
-    instant%t = phase*self%period
-    instant%piece = locate_piece(self%table, instant%t, 1)
-    instant%motion_state = motion_state
-    instant%y(1:2) = [phi, phi_dot]
-    if (motion_state == back_engagement) then
-      instant%chart = coast_flank
-      instant%y(1) = phi + self%width
-      if (.not. self%coast_moves) then
-        call self%flank_motion(instant%t, instant%piece, g, slope)
-        instant%y(1:2) = instant%y(1:2) + [g, slope]
-      end if
-    end if
-    if (self%rigid .and. motion_state /= separation) instant%y(1:2) = 0
-  end function start_from
 
   !> Open the Galilean frame of the flank last touched.
   pure subroutine open_table_frame(self, instant, frame, z)

@@ -7,8 +7,8 @@ module lapwing_polynomial
   use lapwing_kinds, only: wp
   implicit none
   private
-  public :: max_degree, horner, horner_slope, taylor_shift, bernstein, bernstein_on, first_zero
-  public :: first_descent, critical_points, lift_off, first_nonzero
+  public :: max_degree, horner, horner_slope, taylor_shift, bernstein, bernstein_on, upper_bound
+  public :: first_zero, first_descent, critical_points, lift_off, first_nonzero
 
   integer, parameter :: max_degree = 5
   !> Halvings before two roots closer than 2**-48 of the interval are treated as one.
@@ -75,6 +75,14 @@ contains
     call scale_to_unit(c, length, scaled)
     b = bernstein(scaled)
   end function bernstein_on
+
+  !> Upper bound on [0, length]: the largest Bernstein coefficient.
+  pure real(wp) function upper_bound(c, length)
+    real(wp), intent(in) :: c(0:max_degree)  !! coefficients
+    real(wp), intent(in) :: length           !! interval
+    integer :: k
+    upper_bound = maxval(bernstein(c*[(length**k, k = 0, max_degree)]))
+  end function upper_bound
 
   !> Make a polynomial that leaves zero at the origin positive there: divide by x as often as the
   !> leading coefficient is not positive. `times` tells how often.

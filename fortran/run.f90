@@ -6,7 +6,8 @@ module lapwing_run
       status_not_finite
   use lapwing_event_search, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
-  use lapwing_recorder, only: recorder_t, record_segment, log_has_room, sample_at, look_ahead
+  use lapwing_recorder, only: record_segment, sample_at, look_ahead
+  use lapwing_records, only: recorder_t, log_has_room
   use lapwing_system, only: system_t, instant_t
   implicit none
   private

@@ -3,7 +3,7 @@ module lapwing_state_blob
   use lapwing_kinds, only: wp
   use lapwing_event_search, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t
-  use lapwing_recorder, only: sums_t, max_flights
+  use lapwing_records, only: sums_t, max_flights
   use lapwing_system, only: max_states
   use lapwing_tangent_map, only: tangent_t
   implicit none

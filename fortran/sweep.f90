@@ -10,9 +10,11 @@ module lapwing_sweep
   use lapwing_event_search, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
   use lapwing_method, only: moved_by
-  use lapwing_oscillator, only: oscillator_t, parameters_t, start_at_rest, start_from
-  use lapwing_recorder, only: recorder_t, start_recording
+  use lapwing_oscillator, only: oscillator_t
+  use lapwing_parameters, only: parameters_t
+  use lapwing_records, only: recorder_t, start_recording
   use lapwing_run, only: run_to
+  use lapwing_starts, only: start_as_told
   use lapwing_state_blob, only: pack_blob, unpack_blob, pack_work
   implicit none
   private
@@ -145,14 +147,10 @@ contains
     type(line_t), intent(in) :: line                 !! the line
     real(wp), intent(in) :: blob(:)                  !! carried: -1 or motion state, phi, phi'
     type(hybrid_state_t), intent(out) :: state       !! state to begin with
-    real(wp) :: begin(3)
-    begin = line%start(:3)
-    if (line%carried .and. line%point /= line%first) begin = blob(1:3)
-    if (begin(1) >= 0) then
-      state%instant = start_from(system, line%start(4), nint(begin(1)), begin(2), begin(3))
-    else
-      state%instant = start_at_rest(system, line%start(4))
-    end if
+    real(wp) :: begin(4)
+    begin = line%start
+    if (line%carried .and. line%point /= line%first) begin(:3) = blob(1:3)
+    state%instant = start_as_told(system, begin)
   end subroutine start_point
 
   !> Settle, then record. A flight under way when recording begins counts whole: the statistics

@@ -17,7 +17,7 @@ from event_comparison import changed_data, compare
 from lapwing import Oscillator, TransmissionError, simulate
 
 TOLERANCE = 1e-12
-# Of the slope of the table that stands for a series (transmission_error.py).
+# Of the slope of the table that stands for a series (harmonic_series.py).
 SERIES_TOLERANCE = 1e-10
 GAPS = ["one_sided", "one_sided", "symmetric", "one_flank"]
 

@@ -137,7 +137,7 @@ def test_stable_orbit(name, cycles, method):
 SERIES = [pytest.param(run, id=f"{path.stem}-{run['name']}")
           for path in sorted((ROOT / "tests" / "reference" / "data" / "quadruple").glob("*.json"))
           for run in load(path)["runs"]]
-# What the table of a series is promised to: slope and curvature, relative (transmission_error.py).
+# What the table of a series is promised to: slope and curvature, relative (harmonic_series.py).
 # Over the load, the slope's error acts like one of the load.
 TABLE_SLOPE, TABLE_CURVATURE = 1e-10, 1e-8
 

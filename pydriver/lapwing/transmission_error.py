@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.polynomial import polynomial as power
 
+from lapwing.harmonic_series import harmonic_derivative, harmonic_pieces
 from lapwing.transmission_error_file import TransmissionErrorFileError, read_columns
 
 # A joint of two pieces may be off by rounding (about 1e-14 of the largest value); a gap or an
@@ -21,11 +22,6 @@ from lapwing.transmission_error_file import TransmissionErrorFileError, read_col
 _JOINT_TOLERANCE = 1e-9
 # Phases made from angles are good to about 1e-15; a row nearer to 1 than this sits at phase 0.
 _PHASE_ROUNDING = 1e-14
-# Value, slope, curvature of a harmonic table, each relative to its own maximum ...
-_HARMONIC_TOLERANCE = (1e-12, 1e-10, 1e-8)
-# ... and the remainder of quintic Hermite interpolation, max|f - q|^(k) <= c_k h^(6-k) max|f^(6)|
-# (Birkhoff & Priver, J. Math. Phys. 46 (1967) 440), attained by f = x^6.
-_QUINTIC_REMAINDER = (1 / 46_080, math.sqrt(5) / 30_000, 1 / 1_920)
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,7 +241,7 @@ class TransmissionError:
         series = np.column_stack([orders, amplitudes, shifts]).astype(float)
         if not np.all(np.isfinite(series)) or np.any((orders < 0) | (orders % 1 != 0)):
             raise ValueError("orders must be whole numbers >= 0, all numbers finite")
-        n = _harmonic_pieces(series)
+        n = harmonic_pieces(series)
         knots = np.arange(n + 1) / n
         rows = np.stack([harmonic_derivative(series, k, knots % 1) for k in range(3)], axis=1)
         pieces = PPoly.from_bernstein_basis(BPoly.from_derivatives(knots, rows))
@@ -353,32 +349,6 @@ def stationary_points(coefficients):
     finite = np.abs(denominator) > 0
     roots = (numerator[finite] / denominator[finite]).real
     return np.concatenate([[0.0, 1.0], np.clip(roots, 0.0, 1.0)])
-
-
-def harmonic_derivative(series, order, phase):
-    """Derivative of Σ amplitude·cos(2πn·phase + shift), rad per period^order, shape of `phase`.
-
-    `series` is the (m, 3) array of n, amplitude (rad), shift (rad) kept by `TransmissionError`.
-    """
-    number, amplitude, shift = np.asarray(series, dtype=float).T
-    rate = 2 * np.pi * number
-    angle = np.multiply.outer(phase, rate) + shift + order * np.pi / 2
-    return np.cos(angle) @ (amplitude * rate**order)
-
-
-def _harmonic_pieces(series):
-    """Smallest number of equal quintic Hermite pieces whose remainder bound is good enough."""
-    number, amplitude, _ = series.T
-    sixth = np.abs(amplitude) @ (2 * np.pi * number) ** 6
-    if sixth == 0:
-        return 1
-    # Sampled maxima are below the true ones: the count can only come out on the safe side.
-    phase = np.linspace(0, 1, 64 * int(number.max()), endpoint=False)
-    needed = [(bound * sixth / (tolerance * np.abs(harmonic_derivative(series, k, phase)).max()))
-              ** (1 / (6 - k))
-              for k, (bound, tolerance) in enumerate(
-                  zip(_QUINTIC_REMAINDER, _HARMONIC_TOLERANCE, strict=True))]
-    return math.ceil(max(needed))
 
 
 def _rows(phase, *columns):

@@ -7,8 +7,10 @@ program measure_dispatch
   use lapwing_event_search, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_kinds, only: wp, int64
-  use lapwing_oscillator, only: oscillator_t, parameters_t, oscillator, start_from, start_at_rest
+  use lapwing_oscillator, only: oscillator_t, oscillator
+  use lapwing_parameters, only: parameters_t
   use lapwing_rk4, only: rk4_step
+  use lapwing_starts, only: start_from, start_at_rest
   use lapwing_system, only: system_t, instant_t, frame_t, motion_t, max_states
   use test_systems, only: dispatched_t
   implicit none

@@ -2,7 +2,7 @@
 !> the jumps, the period, and what the Bernstein coefficients promise.
 program test_closed_form
   use assertions, only: tally_t
-  use exact_reference, only: qp, seed, uniform, random_scene, random_table, table_scene, &
+  use exact_reference, only: qp, seed, uniform, random_scene, table_scene, &
       quad_flank, quad_flow, amplification
   use lapwing_closed_form, only: locate_panel, free_size
   use lapwing_kinds, only: wp

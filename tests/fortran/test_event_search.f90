@@ -4,9 +4,11 @@ program test_event_search
   use lapwing_codes, only: separation, engagement, no_flank, drive_flank, coast_flank
   use lapwing_event_search, only: crossing_t, work_t, find_crossing, polish_crossing
   use lapwing_kinds, only: wp
-  use lapwing_oscillator, only: oscillator_t, parameters_t, oscillator, start_from
+  use lapwing_oscillator, only: oscillator_t, oscillator
+  use lapwing_parameters, only: parameters_t
   use lapwing_polynomial, only: horner, first_descent
   use lapwing_rk4, only: rk4_step
+  use lapwing_starts, only: start_from
   use lapwing_system, only: instant_t, frame_t, motion_t, max_states
   use test_systems, only: ball_t, forced_mass_t
   implicit none

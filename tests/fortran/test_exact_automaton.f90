@@ -12,8 +12,9 @@ program test_exact_automaton
   use lapwing_exact_oscillator, only: exact_oscillator_t, exact_oscillator
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_kinds, only: wp
-  use lapwing_oscillator, only: parameters_t, start_at_rest, start_from
+  use lapwing_parameters, only: parameters_t
   use lapwing_polynomial, only: max_degree
+  use lapwing_starts, only: start_at_rest, start_from
   implicit none
 
   type(tally_t) :: tally

@@ -7,10 +7,12 @@ program test_tangent_map
   use lapwing_event_search, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
   use lapwing_kinds, only: wp
-  use lapwing_oscillator, only: oscillator_t, parameters_t, oscillator, start_from
-  use lapwing_recorder, only: recorder_t, cycle_columns
+  use lapwing_oscillator, only: oscillator_t, oscillator
+  use lapwing_parameters, only: parameters_t
+  use lapwing_records, only: recorder_t, cycle_columns
   use lapwing_run, only: run_to, deadline_in
-  use lapwing_tangent_map, only: tangent_t, tangent_columns, tangent_row, impact_matrix
+  use lapwing_starts, only: start_from
+  use lapwing_tangent_map, only: tangent_columns, impact_matrix
   implicit none
 
   real(wp), parameter :: period = 4

@@ -7,9 +7,11 @@ program follow_in_quadruple
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
   use lapwing_kinds, only: wp
   use lapwing_method, only: moved_by
-  use lapwing_oscillator, only: oscillator_t, parameters_t, start_at_rest, start_from
-  use lapwing_recorder, only: recorder_t, log_columns, cycle_columns
+  use lapwing_oscillator, only: oscillator_t
+  use lapwing_parameters, only: parameters_t
+  use lapwing_records, only: recorder_t, log_columns, cycle_columns
   use lapwing_run, only: run_to, deadline_in
+  use lapwing_starts, only: start_at_rest, start_from
   implicit none
 
   !> A tenth of a million seconds: a case ends by its cycles.

@@ -1,0 +1,39 @@
+"""Sum of harmonics of the mesh: its derivatives, and how finely a table must follow it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+# Value, slope, curvature of a harmonic table, each relative to its own maximum ...
+_HARMONIC_TOLERANCE = (1e-12, 1e-10, 1e-8)
+# ... and the remainder of quintic Hermite interpolation, max|f - q|^(k) <= c_k h^(6-k) max|f^(6)|
+# (Birkhoff & Priver, J. Math. Phys. 46 (1967) 440), attained by f = x^6.
+_QUINTIC_REMAINDER = (1 / 46_080, math.sqrt(5) / 30_000, 1 / 1_920)
+
+
+def harmonic_derivative(series, order, phase):
+    """Derivative of Σ amplitude·cos(2πn·phase + shift), rad per period^order, shape of `phase`.
+
+    `series` is the (m, 3) array of n, amplitude (rad), shift (rad) kept by `TransmissionError`.
+    """
+    number, amplitude, shift = np.asarray(series, dtype=float).T
+    rate = 2 * np.pi * number
+    angle = np.multiply.outer(phase, rate) + shift + order * np.pi / 2
+    return np.cos(angle) @ (amplitude * rate**order)
+
+
+def harmonic_pieces(series):
+    """Smallest number of equal quintic Hermite pieces whose remainder bound is good enough."""
+    number, amplitude, _ = series.T
+    sixth = np.abs(amplitude) @ (2 * np.pi * number) ** 6
+    if sixth == 0:
+        return 1
+    # Sampled maxima are below the true ones: the count can only come out on the safe side.
+    phase = np.linspace(0, 1, 64 * int(number.max()), endpoint=False)
+    needed = [(bound * sixth / (tolerance * np.abs(harmonic_derivative(series, k, phase)).max()))
+              ** (1 / (6 - k))
+              for k, (bound, tolerance) in enumerate(
+                  zip(_QUINTIC_REMAINDER, _HARMONIC_TOLERANCE, strict=True))]
+    return math.ceil(max(needed))
