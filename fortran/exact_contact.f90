@@ -98,6 +98,7 @@ contains
       piece = curve%piece + 1
       knot = scene%table%knot(piece) - curve%t
       if (elapsed + knot >= reach/scene%form%fastest .or. knot >= last) return
+      if (piece > scene%table%n) return
       call first_meeting(scene, curve, locate_panel(scene%form, curve%t), .false., goal, 0.0_wp, &
           knot, found, s, x, v)
       if (found) return
