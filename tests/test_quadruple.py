@@ -64,7 +64,7 @@ def test_closed_form(program, stem, run):
 @pytest.mark.parametrize(("stem", "run"), RUNS)
 def test_event_times(program, stem, run):
     count, _, scaled = quadruple.compare_run(program, run, "rk4", TOLERANCE)
-    assert count > 0
+    assert count > 0 or not run["events"]  # one is engaged throughout
     assert scaled <= mpf(TOLERANCE)
     if run["scene"]["contact_law"] == "rigid":
         assert scaled <= CHATTER
