@@ -102,9 +102,7 @@ contains
     type(te_table_t), intent(in) :: table           !! g as a table
     integer :: parts(table%n), i, k, at
     real(wp) :: width
-    parts = max(1, ceiling((table%knot(2:) - table%knot(:table%n))*self%fastest/panel_span))
-    if (.not. self%harmonic) parts = max(1, &
-        ceiling((table%knot(2:) - table%knot(:table%n))/panel_span))
+    parts = max(1, ceiling((table%knot(2:) - table%knot(:table%n))/panel_span))
     self%n = sum(parts)
     if (self%harmonic) self%n = max(4, ceiling(self%period*self%fastest/panel_span))
     allocate (self%edge(self%n + 1), self%piece(self%n))

@@ -5,14 +5,14 @@ module lapwing_exact_automaton
   use lapwing_kinds, only: wp
   use lapwing_automaton, only: advance, at_stop, check_bounds, pass_stop
   use lapwing_chatter, only: listed_down_to
-  use lapwing_codes, only: separation, no_flank, drive_flank, event_impact, event_release, &
-      event_engage
-  use lapwing_contact_rules, only: log_event
+  use lapwing_codes, only: separation, no_flank, drive_flank, event_impact, event_engage
+  use lapwing_contact_rules, only: begin_contact, let_go, log_event
   use lapwing_event_search, only: work_t
   use lapwing_exact_oscillator, only: exact_oscillator_t, begin_curve, walls
   use lapwing_exact_contact, only: contact_end
   use lapwing_exact_flight, only: end_t, flight_end
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
+  use lapwing_oscillator, only: impact_law
   use lapwing_polynomial, only: max_degree
   use lapwing_smooth_curve, only: curve_t, expand_launch, flank_taylor
   use lapwing_system, only: system_t
@@ -130,15 +130,15 @@ contains
     if (before <= 0) return
     if (self%compliant) then
       call arrive(state, segment, at)
-      call touch(self, state, segment, event_engage, at%flank, before, before)
+      call begin_contact(self, state, segment, event_engage, at%flank, before)
     else
       after = rebound_at(self, segment%t + at%s, segment%begin%piece, at%flank, before)
       ! Slower than this it might have to be told to rest.
       if (after == 0 .or. abs(after) <= self%slow) return
       call arrive(state, segment, at)
-      state%instant%y(1:2) = [0.0_wp, merge(after, -after, at%flank == drive_flank)]
+      call self%launch(at%flank, after, state%instant%y)
       call log_event(self, state, segment, event_impact, at%flank, before, after)
-      if (after > 0) call touch(self, state, segment, event_engage, at%flank, after, after)
+      if (after > 0) call begin_contact(self, state, segment, event_engage, at%flank, after)
     end if
     done = .true.
   end subroutine fly
@@ -163,15 +163,15 @@ contains
     integer, intent(in) :: guess                    !! table piece to look at first
     integer, intent(in) :: flank                    !! flank struck
     real(wp), intent(in) :: approach                !! approach velocity before
-    real(wp) :: g(0:max_degree), flank_velocity
+    real(wp) :: g(0:max_degree)
     integer :: piece
-    after = -self%restitution*approach
-    if (.not. self%absolute) return
-    piece = 1
-    if (.not. self%scene%form%harmonic) piece = locate_piece(self%table, t, guess)
-    call flank_taylor(self%scene, .true., t, piece, g)
-    flank_velocity = merge(g(1), -g(1), flank == drive_flank)
-    after = after - (1 + self%restitution)*flank_velocity
+    g = 0
+    if (self%absolute) then
+      piece = 1
+      if (.not. self%scene%form%harmonic) piece = locate_piece(self%table, t, guess)
+      call flank_taylor(self%scene, .true., t, piece, g)
+    end if
+    after = impact_law(self, flank, g(1), approach)
   end function rebound_at
 
   !> A contact, and the release that it ends with.
@@ -198,9 +198,7 @@ contains
     approach = merge(at%v, -at%v, flank == drive_flank)
     if (approach >= 0) return
     call arrive(state, segment, at)
-    state%instant%motion_state = separation
-    state%instant%y(1:2) = [0.0_wp, at%v]
-    call log_event(self, state, segment, event_release, flank, approach, approach)
+    call let_go(self, state, segment, flank, approach)
     done = .true.
   end subroutine stay_in_contact
 
@@ -226,17 +224,4 @@ contains
     state%instant%touching = at%flank
     state%instant%piece = segment%begin%piece
   end subroutine arrive
-
-  !> Contact begins.
-  subroutine touch(self, state, segment, kind, flank, before, after)
-    type(exact_oscillator_t), intent(in) :: self    !! what moves
-    type(hybrid_state_t), intent(inout) :: state    !! state
-    type(segment_t), intent(inout) :: segment       !! what happened
-    integer, intent(in) :: kind                     !! event kind at the drive flank
-    integer, intent(in) :: flank                    !! flank
-    real(wp), intent(in) :: before, after           !! approach velocity
-    state%instant%motion_state = flank
-    state%instant%y(1:2) = [0.0_wp, merge(after, -after, flank == drive_flank)]
-    call log_event(self, state, segment, kind, flank, before, after)
-  end subroutine touch
 end module lapwing_exact_automaton

@@ -33,6 +33,7 @@ contains
     goal%touching = touching
     panel = 0
     elapsed = 0
+    last = stop
     found = .false.
     if (.not. stays(scene, curve%moving, goal%sign, curve%free)) then
       call expand_launch(scene, curve)
@@ -41,11 +42,9 @@ contains
         panel = locate_panel(scene%form, curve%t)
         call curve_at(scene, curve, panel, s, at%x, at%v)
       else
-        call cross_near_knots(scene, goal, stop, curve, elapsed, found, s, at%x, at%v)
+        call cross_near_knots(scene, goal, stop, curve, elapsed, last, found, s, at%x, at%v)
       end if
       if (.not. found) then
-        last = stop
-        if (elapsed > 0) last = at_edge(scene, curve%t, stop - elapsed)
         call release(scene, curve, goal, last, panel, found, s, at%x, at%v)
       end if
     end if
@@ -54,10 +53,8 @@ contains
       at%s = elapsed + s
     else
       at%s = stop
-      s = stop
-      if (elapsed > 0) s = at_edge(scene, curve%t, stop - elapsed)
-      if (panel == 0) panel = last_panel(scene, curve%t + s)
-      call curve_at(scene, curve, panel, s, at%x, at%v)
+      if (panel == 0) panel = last_panel(scene, curve%t + last)
+      call curve_at(scene, curve, panel, last, at%x, at%v)
     end if
   end subroutine contact_end
 
@@ -76,16 +73,17 @@ contains
 
   !> A contact that begins just before a knot of a table goes on from there with a series of its
   !> own, so that it keeps its relative precision while it is small.
-  pure subroutine cross_near_knots(scene, goal, stop, curve, elapsed, found, s, x, v)
+  pure subroutine cross_near_knots(scene, goal, stop, curve, elapsed, last, found, s, x, v)
     type(scene_t), intent(in) :: scene         !! scene
     type(target_t), intent(inout) :: goal      !! release
     real(wp), intent(in) :: stop               !! latest end
     type(curve_t), intent(inout) :: curve      !! stretch, told from the last knot crossed
     real(wp), intent(out) :: elapsed           !! time until that
+    real(wp), intent(out) :: last              !! latest end after it
     logical, intent(out) :: found              !! whether the release comes before it
     real(wp), intent(out) :: s                 !! when, after `elapsed`
     real(wp), intent(out) :: x, v              !! position and velocity then
-    real(wp) :: knot, last
+    real(wp) :: knot
     integer :: piece
     elapsed = 0
     last = stop

@@ -52,8 +52,7 @@ contains
       self%g_low = lowest(self)
     end if
     self%bend = bend_bound(self, g, harmonic)
-    self%slow = 4*spacing(self%period)*(abs(self%force) + self%bend)
-    self%scene%force = self%force
+    call follow_force(self)
     self%scene%table = self%table
     self%scene%form = closed_form(self%table, g, harmonic, parameters%damping_ratio, self%period)
     if (harmonic .and. self%rigid) then
@@ -69,9 +68,15 @@ contains
     class(exact_oscillator_t), intent(inout) :: self
     type(parameters_t), intent(in) :: parameters  !! dimensionless parameters
     call self%oscillator_t%change_force(parameters)
+    call follow_force(self)
+  end subroutine change_force
+
+  !> What hangs on the force.
+  pure subroutine follow_force(self)
+    class(exact_oscillator_t), intent(inout) :: self
     self%scene%force = self%force
     self%slow = 4*spacing(self%period)*(abs(self%force) + self%bend)
-  end subroutine change_force
+  end subroutine follow_force
 
   !> Bound of |g''|.
   pure real(wp) function bend_bound(self, g, harmonic) result(bound)

@@ -16,8 +16,7 @@ module lapwing_oscillator
       flank_motion_at
   implicit none
   private
-  public :: oscillator_t, oscillator
-  public :: open_table_frame, frame_about
+  public :: oscillator_t, oscillator, open_table_frame, frame_about, impact_law
 
   type, extends(system_t) :: oscillator_t
     type(te_table_t) :: table             !! g over one mesh period
@@ -167,21 +166,24 @@ contains
     real(wp), intent(in) :: s                    !! time since the frame was opened
     real(wp), intent(in) :: z(:)                 !! position and velocity
     real(wp), intent(out) :: rate(:)             !! velocity and acceleration
+    real(wp) :: position, slope
+    position = 0
+    slope = 0
+    if (motion_state /= separation) then
+      call flank_in_frame(self, frame, motion_state, s, position, slope)
+    end if
     rate(1) = z(2)
-    rate(2) = acceleration(self, frame, motion_state, s, z(1), z(2))
+    rate(2) = acceleration(self, motion_state, z(1), z(2), position, slope)
   end subroutine derivatives
 
   !> theta'': the force, and in contact spring and damper of the flank.
-  pure real(wp) function acceleration(self, frame, motion_state, s, theta, theta_dot)
+  pure real(wp) function acceleration(self, motion_state, theta, theta_dot, position, slope)
     class(oscillator_t), intent(in) :: self
-    type(frame_t), intent(in) :: frame           !! frame as opened
     integer, intent(in) :: motion_state          !! motion state
-    real(wp), intent(in) :: s                    !! time since the frame was opened
     real(wp), intent(in) :: theta, theta_dot     !! position and velocity in the frame
-    real(wp) :: position, slope
+    real(wp), intent(in) :: position, slope      !! of the flank in contact; in flight not looked at
     acceleration = self%force
     if (motion_state == separation) return
-    call flank_in_frame(self, frame, motion_state, s, position, slope)
     acceleration = self%force - self%damping*(theta_dot - slope) - (theta - position)
   end function acceleration
 
@@ -216,20 +218,15 @@ contains
     logical, intent(in) :: dense                   !! whether the rate at the end is wanted
     type(step_t), intent(inout) :: step            !! the result
     integer, parameter :: n = 2
-    real(wp) :: position(0:4), slope(0:4)
-    call find_flank(position, slope)
+    real(wp) :: position(0:4), slope(0:4)   ! of the flank at the five times that all stages share
+    integer :: i
+    if (motion_state /= separation) then
+      do i = 0, 4
+        call flank_in_frame(self, frame, motion_state, i*(0.25_wp*h), position(i), slope(i))
+      end do
+    end if
     call take_stages()
   contains
-    !> The flank in contact at the five times that all stages share.
-    subroutine find_flank(x, rate)
-      real(wp), intent(out) :: x(0:4), rate(0:4)   !! position and velocity at quarters of the step
-      integer :: i
-      if (motion_state == separation) return
-      do i = 0, 4
-        call flank_in_frame(self, frame, motion_state, i*(0.25_wp*h), x(i), rate(i))
-      end do
-    end subroutine find_flank
-
     subroutine take_stages()
       include 'rk4_stages.inc'
     end subroutine take_stages
@@ -240,9 +237,7 @@ contains
       real(wp), intent(in) :: at(n)     !! local coordinates
       real(wp), intent(out) :: rate(n)  !! their rates
       rate(1) = at(2)
-      rate(2) = self%force
-      if (motion_state == separation) return
-      rate(2) = self%force - self%damping*(at(2) - slope(quarter)) - (at(1) - position(quarter))
+      rate(2) = acceleration(self, motion_state, at(1), at(2), position(quarter), slope(quarter))
     end subroutine rate_of_change
   end subroutine stages
 
@@ -324,14 +319,25 @@ contains
     real(wp), intent(in) :: s                    !! time since the frame was opened
     real(wp), intent(in) :: approach             !! approach velocity before
     real(wp) :: flank_velocity
-    rebound = -self%restitution*approach
-    if (.not. self%absolute) return
-    if (flank == coast_flank .and. .not. self%coast_moves) return
-    flank_velocity = frame%origin_rate &
-        + horner_slope(frame%flank(:, flank), s - frame%piece_begin)
-    if (flank == coast_flank) flank_velocity = -flank_velocity
-    rebound = rebound - (1 + self%restitution)*flank_velocity
+    flank_velocity = 0
+    if (self%absolute .and. (flank == drive_flank .or. self%coast_moves)) then
+      flank_velocity = frame%origin_rate &
+          + horner_slope(frame%flank(:, flank), s - frame%piece_begin)
+    end if
+    rebound = impact_law(self, flank, flank_velocity, approach)
   end function rebound
+
+  !> The same where the flank's velocity is known (`relative`: without effect).
+  pure real(wp) function impact_law(self, flank, flank_velocity, approach)
+    class(oscillator_t), intent(in) :: self
+    integer, intent(in) :: flank                 !! flank struck
+    real(wp), intent(in) :: flank_velocity       !! its velocity; 0: it stands still
+    real(wp), intent(in) :: approach             !! approach velocity before
+    impact_law = -self%restitution*approach
+    if (.not. self%absolute) return
+    impact_law = impact_law - (1 + self%restitution) &
+        *merge(flank_velocity, -flank_velocity, flank == drive_flank)
+  end function impact_law
 
   !> Under `absolute` rebounds from a moving flank tend to a finite speed.
   pure logical function sums_chatter(self, flank)
