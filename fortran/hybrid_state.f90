@@ -27,6 +27,7 @@ module lapwing_hybrid_state
     real(wp) :: chatter_tolerance = 1.0e-10_wp     !! of a chatter's end, mesh periods
     integer :: max_events_per_cycle = 1000000      !! bound on events
     integer :: max_steps_per_cycle = 10000000      !! bound on segments
+    logical :: copy_repeats = .true.               !! cycles known already are not computed again
   end type numerics_t
 
   !> One line of the event log.

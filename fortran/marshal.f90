@@ -31,8 +31,8 @@ module lapwing_marshal
   integer, parameter :: n_reals = 13
   !> contact law, impact law, gap, back_flank_te, largest numbers of events and of steps in a
   !> cycle; events, impacts, grazes, strobe, cycles wanted; settling cycles, recorded cycles;
-  !> method; tangent maps wanted
-  integer, parameter :: n_choices = 15
+  !> method; tangent maps wanted; whether repeated cycles are copied
+  integer, parameter :: n_choices = 16
 
   integer(c_int), parameter :: all_sizes(8) = [blob_size, work_size, log_columns, cycle_columns, &
       sample_columns, n_reals, n_choices, tangent_columns]
@@ -93,6 +93,7 @@ contains
     numerics%max_events_per_cycle = choices(5)
     numerics%max_steps_per_cycle = choices(6)
     numerics%method = choices(14)
+    numerics%copy_repeats = choices(16) == 1
   end function numerics_from
 
   function recorder_from(reals, choices) result(recorder)

@@ -8,8 +8,8 @@ module lapwing_records
   use lapwing_tangent_map, only: tangent_t
   implicit none
   private
-  public :: recorder_t, sums_t, start_recording, log_has_room, log_line
-  public :: log_columns, cycle_columns, sample_columns, n_counters, max_flights
+  public :: recorder_t, sums_t, start_recording, waits_for_room, log_has_room, log_line
+  public :: log_columns, cycle_columns, sample_columns, n_counters, max_flights, log_reserve
 
   integer, parameter :: log_columns = 6       !! kind, cycle, t, phi, velocity before, after
   integer, parameter :: cycle_columns = 17    !! see `close_cycle`
@@ -69,11 +69,17 @@ contains
     self%sums%next_sample = 1
   end subroutine start_recording
 
+  !> Whether a run stops while its log is full, instead of going on without writing.
+  pure logical function waits_for_room(self)
+    type(recorder_t), intent(in) :: self
+    waits_for_room = self%want_events .or. self%want_grazes
+  end function waits_for_room
+
   !> Whether the log can take whatever one more segment may bring.
   pure logical function log_has_room(self)
     type(recorder_t), intent(in) :: self
     log_has_room = .true.
-    if (.not. (self%want_events .or. self%want_grazes)) return
+    if (.not. waits_for_room(self)) return
     log_has_room = self%sums%n_log + log_reserve <= size(self%log, 2)
   end function log_has_room
 

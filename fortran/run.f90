@@ -8,6 +8,7 @@ module lapwing_run
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_recorder, only: record_segment, sample_at, look_ahead
   use lapwing_records, only: recorder_t, log_has_room
+  use lapwing_repetition, only: repetition_t, end_of_cycle
   use lapwing_system, only: system_t, instant_t
   implicit none
   private
@@ -38,6 +39,7 @@ contains
     type(segment_t) :: segment
     type(hybrid_state_t) :: before
     type(work_t) :: work_before
+    type(repetition_t) :: repetition
     integer :: looks
     status = status_ok
     looks = 0
@@ -65,6 +67,9 @@ contains
       end if
       call record_segment(recorder, system, segment, before%instant, work)
       if (status /= status_ok) return
+      if (segment%cycle_completed .and. numerics%copy_repeats) then
+        call end_of_cycle(repetition, target_cycle, state, recorder, work)
+      end if
     end do
     if (associated(recorder%samples)) then
       call sample_end(recorder, system, state%instant, work)

@@ -66,6 +66,9 @@ class Numerics:
         a counted impact ends a flight deeper than this part of its cycle's deepest separation
     max_events_per_cycle, max_steps_per_cycle : int
         bounds after which a run ends with a status
+    copy_repeats : bool
+        whether rounds of cycles that begin with the same bits are computed once and then copied:
+        the same results, sooner
     """
 
     method: str = "auto"
@@ -74,6 +77,7 @@ class Numerics:
     count_depth: float = 0.01
     max_events_per_cycle: int = 1_000_000
     max_steps_per_cycle: int = 10_000_000
+    copy_repeats: bool = True
 
     def __post_init__(self):
         problems = []
@@ -172,7 +176,7 @@ def _choices(osc, numerics, method, wanted, settle=0, record=0):
              Gap[osc.gap.upper()], osc.back_flank_te, numerics.max_events_per_cycle,
              numerics.max_steps_per_cycle, wanted.events, wanted.impacts, wanted.grazes,
              wanted.strobe or wanted.tangent, wanted.cycles, settle, record,
-             Method[method.upper()], wanted.tangent)
+             Method[method.upper()], wanted.tangent, numerics.copy_repeats)
     return np.array([int(code) for code in codes], dtype=np.intc)
 
 
