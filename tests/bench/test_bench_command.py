@@ -44,6 +44,9 @@ def test_numbers_are_stored(outcome):
     assert np.all(np.isfinite(errors)) and np.all(errors[-1] < 1e-9)
     assert np.all(data["microseconds"].values[own] > 0)
     assert data["identical_bytes"].values[own].max() == 1
+    studied = data["identical_bytes"].values >= 0
+    assert np.all(data["study_computed"].values[studied] > 0)
+    assert np.all(data["study_copied"].values[studied] > 0)
     ran = ~np.isnan(data["error"].values[~own][:, :, 0])
     assert ran.sum(axis=1).tolist() == [2, 2]
 
@@ -52,7 +55,7 @@ def test_the_terminal_and_the_page_show_the_tables(outcome):
     result, folder = outcome
     page = (folder / "docs" / "page.md").read_text(encoding="utf-8")
     for text in (result.output, page):
-        for word in ("Ratios", "Cost at equal error", "SciPy DOP853", "rk4"):
+        for word in ("Ratios", "Cost at equal error", "A study", "SciPy DOP853", "rk4"):
             assert word in text
     assert "heyoka: not installed" in result.output
     assert "Not installed: heyoka" in page and "images/work_precision.png" in page

@@ -25,7 +25,8 @@ def dataset(settings, *, calm=True, torques=5):
         "events_per_cycle": (("setting", "torque"), np.ones((n, torques))),
         "method": ("setting", [s[0] for s in settings]),
         "tolerance": ("setting", [s[1] for s in settings]),
-        "scaling": ("setting", np.full(n, np.nan)),
+        **{name: ("setting", np.full(n, np.nan))
+           for name in ("study_computed", "study_copied", "scaling")},
         "identical_bytes": ("setting", np.full(n, -1)),
         "calm": ("torque", np.full(torques, int(calm)))})
 
@@ -52,6 +53,16 @@ def test_few_calm_torques_leave_it_to_the_short_horizon():
     data = dataset([("a", 1e-9, 1e-10, 1.0, 0)], calm=False)
     assert summary.deciding_horizon(data) == 0 and summary.counting(data).all()
     assert summary.deciding_horizon(dataset([("a", 1e-9, 1e-10, 1.0, 0)])) == 1
+
+
+def test_few_calm_torques_speak_for_themselves():
+    data = dataset([("a", 1e-9, 1e-10, np.array([1.0, 2.0, 3.0, 4.0, 5.0]), 0)])
+    assert summary.few_calm(data) is None
+    data["calm"][:] = [0, 0, 1, 0, 0]
+    few = summary.few_calm(data)
+    assert summary.deciding_horizon(few) == 1 and summary.lines(few)[0].cost == 3.0
+    data["calm"][:] = 0
+    assert summary.few_calm(data) is None
 
 
 def test_cost_at_equal_error():

@@ -17,9 +17,10 @@ from lapwing.bench.scenes import LONG, SHORT
 RK4_TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
 # Only says how far a run of `exact` is compared (judge.py); nothing of the method depends on it.
 EXACT_TOLERANCE = 1e-11
-# The setting of rk4 whose scaling over threads is measured.
-SCALING_TOLERANCE = 1e-8
+# The setting of rk4 that runs a study.
+STUDY_TOLERANCE = 1e-8
 COLUMNS = ("event_error", "state_error", "error", "missed", "doubled", "compared")
+STUDY_COLUMNS = ("study_computed", "study_copied", "scaling", "identical_bytes")
 METHODS = ("exact", "rk4", *(rival.name for rival in RIVALS))
 
 
@@ -103,7 +104,8 @@ def _empty_row(scene, name, tolerance):
     n = len(scene.torques)
     row = {key: np.full((n, 2), np.nan) for key in COLUMNS}
     row |= {"microseconds": np.full(n, np.nan), "events_per_cycle": np.full(n, np.nan),
-            "method": name, "tolerance": tolerance, "scaling": np.nan, "identical_bytes": -1}
+            "method": name, "tolerance": tolerance, "scaling": np.nan, "identical_bytes": -1,
+            "study_computed": np.nan, "study_copied": np.nan}
     return row
 
 
@@ -127,9 +129,8 @@ def _measure_own(scene, setting, plan):
     room = int(result.outcome[:, 1].max()) + ours.SPARE_ROOM
     options = {"room": room, "repeats": plan.repeats}
     row["microseconds"][:] = 1e6 / LONG * ours.cpu_times(oscillators, setting, LONG, **options)
-    if setting.method == "exact" or setting.tolerance == SCALING_TOLERANCE:
-        row["scaling"], identical = ours.scaling(oscillators, setting, LONG, **options)
-        row["identical_bytes"] = int(identical)
+    if setting.method == "exact" or setting.tolerance == STUDY_TOLERANCE:
+        row |= ours.study(oscillators, setting, repeats=plan.repeats)
     return row
 
 
@@ -186,12 +187,13 @@ def _dataset(scene, rows):
     data |= {key: (("setting", "torque"), np.array([row[key] for row in rows]).reshape(
         len(rows), len(scene.torques))) for key in ("microseconds", "events_per_cycle")}
     data |= {key: ("setting", [row[key] for row in rows])
-             for key in ("method", "tolerance", "scaling", "identical_bytes")}
+             for key in ("method", "tolerance", *STUDY_COLUMNS)}
     calm = load(scene.name, variant(scene, rule=False, table=False))
     data["calm"] = ("torque", [int(calm[torque].calm) for torque in scene.torques])
     dataset = xr.Dataset(data, {"torque": list(scene.torques), "horizon": [SHORT, LONG]},
                          {"scene": scene.name, "title": scene.title})
-    units = {"torque": "N m", "microseconds": "us", "event_error": "mesh periods",
+    units = {"torque": "N m", "microseconds": "us", "study_computed": "us",
+             "study_copied": "us", "event_error": "mesh periods",
              "state_error": "natural sizes", "events_per_cycle": "1"}
     for key, unit in units.items():
         dataset[key].attrs["units"] = unit

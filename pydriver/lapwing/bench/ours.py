@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,9 @@ SPARE_ROOM = 128
 # A call shorter than this, in seconds, is made of several copies of the torque.
 LEAST_CALL = 2e-3
 MOST_COPIES = 64
+# Cycles of a study, and the least length of its call in seconds.
+SETTLED, RECORDED = 400, 100
+LEAST_STUDY = 0.2
 
 
 @dataclass(frozen=True)
@@ -46,18 +49,18 @@ class Setting:
 
     @property
     def numerics(self):
-        """The engine's own form."""
-        return Numerics(method=self.method, **(
+        """The engine's own form: every cycle is computed, none copied."""
+        return Numerics(method=self.method, copy_repeats=False, **(
             {"rtol": self.tolerance} if self.method == "rk4" else {}))
 
 
-def run(oscillators, setting, cycles, *, room=AMPLE_ROOM, threads=1):
+def run(oscillators, setting, cycles, *, room=AMPLE_ROOM):
     """Every oscillator from rest at phase 0; the engine's `SweepResult`."""
     n = len(oscillators)
     return engine.sweep(
         oscillators, [(i, i, False) for i in range(n)], [(engine.REST, 0.0, 0.0, 0.0)] * n,
         numerics=setting.numerics, wanted=Wanted(events=True, impacts=True), settle=0,
-        record=cycles, log_room=room, threads=threads)
+        record=cycles, log_room=room, threads=1)
 
 
 def outcomes(result, oscillators):
@@ -97,24 +100,38 @@ def cpu_times(oscillators, setting, cycles, *, room, repeats):
     return whole * shares / shares.sum()
 
 
-def scaling(oscillators, setting, cycles, *, room, repeats, threads=2):
-    """Throughput with several threads over that with one, by the clock; best of repeats.
+def study(oscillators, setting, *, repeats, threads=2):
+    """A sweep as `lapwing.sweep` runs it by itself, with statistics of the recorded cycles.
+
+    Every cycle is computed, with one thread and with several; then cycles that repeat themselves
+    to the last bit are copied. Times are by the clock inside one call, the best of repeats.
 
     Returns
     -------
-    ratio : float
-    identical : bool, whether both gave the same bytes
+    dict: `study_computed` and `study_copied`, µs per mesh cycle with one thread; `scaling`,
+    throughput of several threads over one; `identical_bytes`, whether all results are the same
     """
-    many = oscillators * 4
-    clocks, results = {}, {}
-    for count in (1, threads):
-        best = np.inf
-        for _ in range(repeats):
-            begun = time.perf_counter()
-            results[count] = run(many, setting, cycles, room=room, threads=count)
-            best = min(best, time.perf_counter() - begun)
-        clocks[count] = best
-    one, more = results[1], results[threads]
-    identical = (one.outcome.tobytes() == more.outcome.tobytes()
-                 and one.log.tobytes() == more.log.tobytes())
-    return clocks[1] / clocks[threads], identical
+    def run_study(points, copy_repeats, threads):
+        n = len(points)
+        begun = time.perf_counter()
+        result = engine.sweep(
+            points, [(i, i, False) for i in range(n)], [(engine.REST, 0.0, 0.0, 0.0)] * n,
+            numerics=replace(setting.numerics, copy_repeats=copy_repeats),
+            wanted=Wanted(cycles=True), settle=SETTLED, record=RECORDED, log_room=1,
+            threads=threads)
+        return time.perf_counter() - begun, result
+
+    points = list(oscillators)
+    once, _ = run_study(points, False, 1)
+    points *= int(np.clip(np.ceil(LEAST_STUDY / once), 1, MOST_COPIES))
+    best, results = {}, {}
+    for case in ((False, 1), (False, threads), (True, 1)):
+        runs = [run_study(points, *case) for _ in range(repeats)]
+        best[case], results[case] = min(seconds for seconds, _ in runs), runs[0][1]
+    per_cycle = 1e6 / (len(points) * (SETTLED + RECORDED))
+    first, *others = results.values()
+    same = all(getattr(first, name).tobytes() == getattr(other, name).tobytes()
+               for other in others for name in ("outcome", "cycles"))
+    return {"study_computed": best[False, 1] * per_cycle,
+            "study_copied": best[True, 1] * per_cycle,
+            "scaling": best[False, 1] / best[False, threads], "identical_bytes": int(same)}

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from lapwing.bench import summary
+from lapwing.bench.ours import RECORDED, SETTLED
 from lapwing.bench.rivals import RIVALS
 from lapwing.bench.scenes import LONG, SHORT
 
@@ -35,7 +36,7 @@ def tables(datasets):
     -------
     list of Table
     """
-    return [_ratios(datasets), _equal_errors(datasets), _threads(datasets),
+    return [_ratios(datasets), _equal_errors(datasets), _studies(datasets),
             *(_scene(name, dataset) for name, dataset in datasets.items())]
 
 
@@ -60,8 +61,11 @@ def panels(datasets):
 
 
 def _ratios(datasets):
-    rows = []
+    rows, parts = [], {}
     for name, dataset in datasets.items():
+        few = summary.few_calm(dataset)
+        parts |= {name: dataset} | ({f"{name}, calm": few} if few is not None else {})
+    for name, dataset in parts.items():
         horizon, all_lines = summary.deciding_horizon(dataset), summary.lines(dataset)
         own = {method: summary.chosen(dataset, method) for method in summary.OURS}
         for method in dict.fromkeys(line.method for line in all_lines):
@@ -76,9 +80,9 @@ def _ratios(datasets):
     return Table(
         "Ratios", f"Each method at its cheapest setting with a median error of at most "
         f"{summary.WANTED_ERROR:g} that misses and doubles nothing (its most accurate one if there "
-        "is none). Cost in µs per "
-        "mesh cycle, median over the torques that count; the last columns are the median, over "
-        "torques, of its cost over that of `exact` and of `rk4`, chosen the same way.",
+        "is none). Cost in µs per mesh cycle, median over the torques that count, and over the "
+        "calm ones where those are too few to decide for the scene; the last columns are the "
+        "median, over torques, of its cost over that of `exact` and of `rk4`, chosen the same way.",
         ("scene", "method", "tolerance", "median error", "largest", "µs", "over exact",
          "over rk4"), rows)
 
@@ -95,17 +99,22 @@ def _equal_errors(datasets):
         ("scene", "method", *(f"{level:.0e}" for level in summary.LEVELS)), rows)
 
 
-def _threads(datasets):
+def _studies(datasets):
     rows = []
     for name, dataset in datasets.items():
         for line in summary.lines(dataset):
             if not math.isnan(line.scaling):
                 same = "yes" if line.identical_bytes else "NO"
-                rows.append((name, line.method, _tolerance(line), f"{line.scaling:.2f}", same))
+                rows.append((name, line.method, _tolerance(line), _cost(line.study_computed),
+                             _cost(line.study_copied), f"{line.scaling:.2f}", same))
     return Table(
-        "Two threads", "Throughput of two threads over that of one, by the clock, best of the "
-        "repeats; it means something on an idle machine only.",
-        ("scene", "method", "tolerance", "throughput", "identical bytes"), rows)
+        "A study", f"A sweep of all torques, chaotic ones too: {SETTLED} cycles to settle, "
+        f"{RECORDED} with statistics, no events listed. µs per mesh cycle by the clock with every "
+        "cycle computed, and with those copied that repeat to the last bit; throughput of two "
+        "threads over one, every cycle computed (an idle machine is needed); whether all these "
+        "results are the same bytes.",
+        ("scene", "method", "tolerance", "computed", "copied", "two threads",
+         "identical bytes"), rows)
 
 
 def _scene(name, dataset):

@@ -31,6 +31,8 @@ class Line:
     doubled: int
     events_per_cycle: float
     cost: float
+    study_computed: float
+    study_copied: float
     scaling: float
     identical_bytes: int
 
@@ -48,6 +50,12 @@ def counting(dataset):
     return np.ones(dataset.sizes["torque"], dtype=bool)
 
 
+def few_calm(dataset):
+    """The dataset of a scene's calm torques where they are too few to decide for it; else None."""
+    calm = dataset["calm"].values == 1
+    return None if deciding_horizon(dataset) or not calm.any() else dataset.isel(torque=calm)
+
+
 def lines(dataset):
     """Every setting of a scene's dataset as a `Line`."""
     found, counts = [], counting(dataset)
@@ -60,7 +68,8 @@ def lines(dataset):
             tuple((float(np.median(e)), float(e.max())) if e.size else (np.nan, np.nan)
                   for e in columns), tuple(e.size for e in columns),
             int(np.nansum(row["missed"])), int(np.nansum(row["doubled"])),
-            float(_mean(row["events_per_cycle"].values)), _median(cost), float(row["scaling"]),
+            float(_mean(row["events_per_cycle"].values)), _median(cost),
+            float(row["study_computed"]), float(row["study_copied"]), float(row["scaling"]),
             int(row["identical_bytes"])))
     return found
 
