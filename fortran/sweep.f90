@@ -76,22 +76,33 @@ contains
     real(wp), intent(inout) :: blobs(:, :)           !! (blob_size, n_lines) runs under way
     integer(int64), intent(in) :: deadline           !! clock count at which to stop
     integer, intent(in) :: n_threads                 !! threads
-    integer :: i
-    !$omp parallel do schedule(dynamic, 1) num_threads(n_threads) default(none) &
-    !$omp shared(sweep, lines, blobs, deadline) private(i)
-    do i = 1, size(lines)
-      if (lines(i)%stage < stage_done) call go_on(sweep, lines(i), blobs(:, i), deadline)
-    end do
-    !$omp end parallel do
+    !$omp parallel num_threads(n_threads) default(none) shared(sweep, lines, blobs, deadline)
+    call share_lines(sweep, lines, blobs, deadline)
+    !$omp end parallel
   end subroutine sweep_lines
 
+  !> One thread's share of the lines. Its oscillator serves all points that differ in force only.
+  subroutine share_lines(sweep, lines, blobs, deadline)
+    type(sweep_t), intent(in) :: sweep               !! the sweep
+    type(line_t), intent(inout) :: lines(:)          !! its lines
+    real(wp), intent(inout) :: blobs(:, :)           !! (blob_size, n_lines) runs under way
+    integer(int64), intent(in) :: deadline           !! clock count at which to stop
+    class(oscillator_t), allocatable :: system
+    integer :: i
+    !$omp do schedule(dynamic, 1)
+    do i = 1, size(lines)
+      if (lines(i)%stage < stage_done) call go_on(sweep, lines(i), blobs(:, i), deadline, system)
+    end do
+    !$omp end do
+  end subroutine share_lines
+
   !> Go on with one line.
-  subroutine go_on(sweep, line, blob, deadline)
+  subroutine go_on(sweep, line, blob, deadline, system)
     type(sweep_t), intent(in) :: sweep               !! the sweep
     type(line_t), intent(inout) :: line              !! the line
     real(wp), intent(inout) :: blob(:)               !! run under way
     integer(int64), intent(in) :: deadline           !! clock count at which to stop
-    class(oscillator_t), allocatable :: system
+    class(oscillator_t), allocatable, intent(inout) :: system   !! made, or made new, for each point
     type(hybrid_state_t) :: state
     type(recorder_t) :: recorder
     type(work_t) :: work
@@ -120,9 +131,9 @@ contains
   subroutine make_system(sweep, point, system)
     type(sweep_t), intent(in) :: sweep                         !! the sweep
     type(parameters_t), intent(in) :: point                    !! the point's parameters
-    class(oscillator_t), allocatable, intent(out) :: system    !! its oscillator
+    class(oscillator_t), allocatable, intent(inout) :: system  !! another point's; then this one's
     if (allocated(sweep%first)) then
-      allocate (system, source=sweep%first)
+      if (.not. allocated(system)) allocate (system, source=sweep%first)
       call system%change_force(point)
     else
       call moved_by(sweep%numerics%method, point, sweep%knots, sweep%coefficients, &
