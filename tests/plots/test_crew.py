@@ -1,5 +1,6 @@
 """Figures drawn by several processes: the same bytes, and no figure lost with another."""
 
+import contextlib
 import os
 import shutil
 import signal
@@ -130,8 +131,13 @@ def test_an_interruption_leaves_no_process_and_no_noise(file, tmp_path, delay):
          f"            plots.draw_all(results, {str(tmp_path)!r}, crew=crew)\n"
          "except KeyboardInterrupt:\n    sys.exit(130)\n"],
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
-    time.sleep(delay)
-    os.killpg(process.pid, signal.SIGINT)
-    # The pipe ends when the last process that holds it does.
-    output, _ = process.communicate(timeout=60)
+    try:
+        time.sleep(delay)
+        os.killpg(process.pid, signal.SIGINT)
+        # The pipe ends when the last process that holds it does.
+        output, _ = process.communicate(timeout=60)
+    finally:
+        # Whatever has gone wrong: nothing goes on drawing for ever.
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
     assert (process.returncode, output) == (130, "")
