@@ -55,10 +55,13 @@ contains
     type(work_t), intent(inout) :: work              !! counts
     type(crossing_t), intent(inout) :: crossing      !! what was found
     integer :: touching_here
+    logical :: clear
     crossing%found = .false.
     crossing%frame = frame
     touching_here = touching
     do
+      call system%leap(motion_state, motion, crossing%frame, touching_here, clear)
+      if (clear) return
       call search_piece(system, motion_state, touching_here, motion, work, crossing)
       if (crossing%found .or. crossing%frame%piece_end >= motion%h) return
       call system%next_piece(crossing%frame)

@@ -9,7 +9,7 @@ module lapwing_oscillator
   use lapwing_codes, only: separation, drive_flank, coast_flank, law_compliant, law_rigid, &
       law_absolute, gap_symmetric, gap_one_flank
   use lapwing_parameters, only: parameters_t, natural_angle, felt_jump
-  use lapwing_polynomial, only: max_degree, horner, horner_slope, taylor_shift
+  use lapwing_polynomial, only: max_degree, horner, horner_slope, taylor_shift, bernstein
   use lapwing_system, only: system_t, instant_t, frame_t, motion_t, step_t, max_states, &
       dense_degree, richardson, mean_rate
   use lapwing_transmission_error, only: te_table_t, te_table, find_jumps, locate_piece, expand_at, &
@@ -31,7 +31,7 @@ module lapwing_oscillator
     procedure :: open_frame => open_table_frame
     procedure :: flank_motion, change_force
     procedure :: next_piece, derivatives, gap, contact, commit, pressing
-    procedure :: rebound, sums_chatter, launch, pass_knot, scales, observe, stages
+    procedure :: rebound, sums_chatter, launch, pass_knot, scales, observe, stages, leap
   end type oscillator_t
 
 contains
@@ -158,6 +158,119 @@ contains
     end do
   end subroutine next_piece
 
+  !> In contact, the whole step or nothing; in flight, up to the piece on which a flank might be met.
+  !> Left to the search of every piece: a coast flank that does not move with the drive flank.
+  pure subroutine leap(self, motion_state, motion, frame, touching, clear)
+    class(oscillator_t), intent(in) :: self
+    integer, intent(in) :: motion_state          !! motion state
+    type(motion_t), intent(in) :: motion         !! step as a polynomial
+    type(frame_t), intent(inout) :: frame        !! frame, on the piece to be searched next
+    integer, intent(inout) :: touching           !! flank at zero distance where it begins, or none
+    logical, intent(out) :: clear                !! whether nothing is met up to the step's end
+    real(wp) :: s
+    clear = .false.
+    if (self%n_flanks == 2 .and. .not. self%coast_moves) return
+    if (motion_state /= separation) then
+      clear = stays_inside(self, motion_state, motion, touching == motion_state)
+      if (clear) call move_to(self, frame, motion%h)
+      return
+    end if
+    s = frame%piece_begin
+    do
+      s = s + time_of_grace(self, frame, touching, motion, s)
+      clear = s >= motion%h
+      if (.not. clear .and. s <= frame%piece_end) return
+      call move_to(self, frame, min(s, motion%h))
+      if (clear) return
+      touching = 0
+    end do
+  end subroutine leap
+
+  !> Whether a step in contact certainly stays inside the flank: z(s) less the greatest push of the
+  !> flank, max(g'') s**2/2, has positive Bernstein coefficients.
+  pure logical function stays_inside(self, flank, motion, touching)
+    class(oscillator_t), intent(in) :: self
+    integer, intent(in) :: flank                 !! flank in contact
+    type(motion_t), intent(in) :: motion         !! step as a polynomial
+    logical, intent(in) :: touching              !! whether it begins at zero, known to go inside
+    real(wp) :: c(0:max_degree)
+    if (flank == drive_flank) then
+      c = motion%dense(:, 1)
+      c(2) = c(2) - max(0.0_wp, self%table%bend(2))*(0.5_wp*motion%h**2)
+    else
+      c = -motion%dense(:, 1)
+      c(2) = c(2) + min(0.0_wp, self%table%bend(1))*(0.5_wp*motion%h**2)
+    end if
+    if (touching) c = [c(1:), 0.0_wp]
+    stays_inside = all(bernstein(c) > 0)
+  end function stays_inside
+
+  !> Time for which a flight, at s of a step, can meet no flank: the distance begins with the value
+  !> and slope it has there and bends towards the flank as much as it can anywhere.
+  pure real(wp) function time_of_grace(self, frame, touching, motion, s)
+    class(oscillator_t), intent(in) :: self
+    type(frame_t), intent(in) :: frame           !! frame, on the piece that holds s
+    integer, intent(in) :: touching              !! flank at zero distance there, or none
+    type(motion_t), intent(in) :: motion         !! step as a polynomial
+    real(wp), intent(in) :: s                    !! time since the frame was opened
+    real(wp), parameter :: caution = 1 - 2.0_wp**(-20)   !! far more than the rounding of a root
+    real(wp) :: z(max_states), y(max_states), phi
+    z(1:2) = [horner(motion%dense(:, 1), s/motion%h), horner(motion%dense(:, 2), s/motion%h)]
+    call commit(self, frame, s, z, frame%chart, y)
+    phi = y(1)
+    if (frame%chart == coast_flank) phi = phi - self%width
+    time_of_grace = no_sooner(merge(0.0_wp, -phi, touching == drive_flank), y(2), &
+        self%force - self%table%bend(1))
+    if (self%n_flanks == 2) then
+      if (frame%chart == drive_flank) y(1) = y(1) + self%width
+      time_of_grace = min(time_of_grace, no_sooner(merge(0.0_wp, y(1), touching == coast_flank), &
+          -y(2), self%table%bend(2) - self%force))
+    end if
+    time_of_grace = caution*time_of_grace
+  end function time_of_grace
+
+  !> Earliest time at which a distance with second derivative -pull or more can vanish.
+  pure real(wp) function no_sooner(distance, approach, pull)
+    real(wp), intent(in) :: distance   !! distance
+    real(wp), intent(in) :: approach   !! minus its first derivative
+    real(wp), intent(in) :: pull       !! minus its least second derivative
+    real(wp) :: square
+    no_sooner = 0
+    if (distance < 0 .or. (.not. distance > 0 .and. approach >= 0)) return
+    no_sooner = huge(distance)
+    square = approach**2 + 2*pull*distance
+    if (square < 0) return
+    if (approach > 0) then
+      no_sooner = 2*distance/(approach + sqrt(square))
+    else if (pull > 0) then
+      no_sooner = (sqrt(square) - approach)/pull
+    end if
+  end function no_sooner
+
+  !> Move a frame on to the piece that holds s, before the stop. Not for flanks of which one stands.
+  pure subroutine move_to(self, frame, s)
+    class(oscillator_t), intent(in) :: self
+    type(frame_t), intent(inout) :: frame        !! frame, moved on
+    real(wp), intent(in) :: s                    !! time since it was opened
+    real(wp) :: g(0:max_degree)
+    integer :: piece
+    if (s <= frame%piece_end) return
+    piece = min(locate_piece(self%table, frame%t + s, frame%piece + 1), frame%stop_knot - 1)
+    if (piece <= frame%piece) return
+    frame%piece = piece
+    frame%piece_begin = self%table%knot(piece) - frame%t
+    frame%piece_end = self%table%knot(piece + 1) - frame%t
+    g = self%table%coefficient(:, piece)
+    g(0) = g(0) - frame%origin - frame%origin_rate*frame%piece_begin
+    g(1) = g(1) - frame%origin_rate
+    frame%flank = spread(g, 2, 2)
+    if (frame%chart == drive_flank) then
+      frame%flank(0, coast_flank) = g(0) - self%width
+    else
+      frame%flank(0, drive_flank) = g(0) + self%width
+    end if
+  end subroutine move_to
+
   !> Flight under the constant force, or the damped spring of the flank in contact.
   pure subroutine derivatives(self, frame, motion_state, s, z, rate)
     class(oscillator_t), intent(in) :: self
@@ -166,26 +279,30 @@ contains
     real(wp), intent(in) :: s                    !! time since the frame was opened
     real(wp), intent(in) :: z(:)                 !! position and velocity
     real(wp), intent(out) :: rate(:)             !! velocity and acceleration
-    real(wp) :: position, slope
-    position = 0
-    slope = 0
-    if (motion_state /= separation) then
-      call flank_in_frame(self, frame, motion_state, s, position, slope)
-    end if
     rate(1) = z(2)
-    rate(2) = acceleration(self, motion_state, z(1), z(2), position, slope)
+    rate(2) = self%force
+    if (motion_state == separation) return
+    rate(2) = in_contact(self, drive(self, frame, motion_state, s), z(1), z(2))
   end subroutine derivatives
 
-  !> theta'': the force, and in contact spring and damper of the flank.
-  pure real(wp) function acceleration(self, motion_state, theta, theta_dot, position, slope)
+  !> theta'' in contact. What comes last is what the stages wait for.
+  pure real(wp) function in_contact(self, drive, theta, theta_dot)
     class(oscillator_t), intent(in) :: self
-    integer, intent(in) :: motion_state          !! motion state
+    real(wp), intent(in) :: drive                !! see `drive`
     real(wp), intent(in) :: theta, theta_dot     !! position and velocity in the frame
-    real(wp), intent(in) :: position, slope      !! of the flank in contact; in flight not looked at
-    acceleration = self%force
-    if (motion_state == separation) return
-    acceleration = self%force - self%damping*(theta_dot - slope) - (theta - position)
-  end function acceleration
+    in_contact = (drive - theta) - self%damping*theta_dot
+  end function in_contact
+
+  !> What drives the damped spring in contact: the force, and the flank's motion in the frame.
+  pure real(wp) function drive(self, frame, flank, s)
+    class(oscillator_t), intent(in) :: self
+    type(frame_t), intent(in) :: frame           !! frame as opened
+    integer, intent(in) :: flank                 !! flank in contact
+    real(wp), intent(in) :: s                    !! time since the frame was opened
+    real(wp) :: position, slope
+    call flank_in_frame(self, frame, flank, s, position, slope)
+    drive = self%force + (position + self%damping*slope)
+  end function drive
 
   !> Position and velocity, in the frame, of the flank in contact (a contact state has its number).
   pure subroutine flank_in_frame(self, frame, flank, s, position, slope)
@@ -208,7 +325,7 @@ contains
     end if
   end subroutine flank_in_frame
 
-  !> The stages with derivatives in place: the same text as `stages_by_dispatch`.
+  !> The stages with derivatives in place: in contact the same text as `stages_by_dispatch`.
   subroutine stages(self, frame, motion_state, h, z, dense, step)
     class(oscillator_t), intent(in) :: self
     type(frame_t), intent(in) :: frame             !! frame as opened
@@ -218,14 +335,16 @@ contains
     logical, intent(in) :: dense                   !! whether the rate at the end is wanted
     type(step_t), intent(inout) :: step            !! the result
     integer, parameter :: n = 2
-    real(wp) :: position(0:4), slope(0:4)   ! of the flank at the five times that all stages share
+    real(wp) :: driven(0:4)   ! by what, at the five times that all stages share
     integer :: i
-    if (motion_state /= separation) then
+    if (motion_state == separation) then
+      call fly(self%force, h, z, step)
+    else
       do i = 0, 4
-        call flank_in_frame(self, frame, motion_state, i*(0.25_wp*h), position(i), slope(i))
+        driven(i) = drive(self, frame, motion_state, i*(0.25_wp*h))
       end do
+      call take_stages()
     end if
-    call take_stages()
   contains
     subroutine take_stages()
       include 'rk4_stages.inc'
@@ -237,9 +356,27 @@ contains
       real(wp), intent(in) :: at(n)     !! local coordinates
       real(wp), intent(out) :: rate(n)  !! their rates
       rate(1) = at(2)
-      rate(2) = acceleration(self, motion_state, at(1), at(2), position(quarter), slope(quarter))
+      rate(2) = in_contact(self, driven(quarter), at(1), at(2))
     end subroutine rate_of_change
   end subroutine stages
+
+  !> What the stages give under a constant force, where the formula is exact.
+  pure subroutine fly(force, h, z, step)
+    real(wp), intent(in) :: force            !! theta''
+    real(wp), intent(in) :: h                !! step
+    real(wp), intent(in) :: z(:)             !! position and velocity at s = 0
+    type(step_t), intent(inout) :: step      !! the result
+    real(wp) :: half
+    half = 0.5_wp*h
+    step%middle(1) = z(1) + half*(z(2) + 0.5_wp*half*force)
+    step%middle(2) = z(2) + half*force
+    step%end(1) = z(1) + h*(z(2) + half*force)
+    step%end(2) = z(2) + h*force
+    step%correction(1:2) = 0
+    step%rate_begin(1:2) = [z(2), force]
+    step%rate_middle(1:2) = [step%middle(2), force]
+    step%rate_end(1:2) = [step%end(2), force]
+  end subroutine fly
 
   !> Distance to a flank over the frame's piece.
   pure subroutine gap(self, frame, flank, motion, c)

@@ -23,7 +23,7 @@ module lapwing_step_control
   !> What the rule remembers of one motion state.
   type :: step_memory_t
     real(wp) :: step = huge(1.0_wp)   !! step to try next
-    real(wp) :: ratio = 1             !! error ratio of the step before
+    real(wp) :: past = 1              !! (error ratio of the step before)**(1/16)
   end type step_memory_t
 
 contains
@@ -42,15 +42,15 @@ contains
     real(wp), intent(in) :: h                      !! step taken
     real(wp), intent(in) :: ratio                  !! its error ratio, at most 1
     logical, intent(in) :: cut_short               !! whether it was shorter than proposed
-    real(wp) :: factor, bounded
-    bounded = max(ratio, least_ratio)
-    factor = safety*fourth_root(fourth_root(memory%ratio/bounded**2))
-    factor = min(most_growth, max(most_shrinkage, factor))
+    real(wp) :: factor, eighth
+    ! The next step waits for these roots.
+    eighth = sqrt(fourth_root(max(ratio, least_ratio)))
+    factor = min(most_growth, max(most_shrinkage, safety*memory%past/eighth))
     if (cut_short) then
       memory%step = max(memory%step, h*factor)
     else
       memory%step = h*factor
-      memory%ratio = bounded
+      memory%past = sqrt(eighth)
     end if
   end subroutine after_accepted
 

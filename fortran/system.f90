@@ -17,8 +17,10 @@ module lapwing_system
   integer, parameter :: max_states = 8            !! largest number of state variables
   integer, parameter :: dense_degree = 5          !! degree of the dense output
 
-  !> 2**4 - 1: two half steps of a fourth-order formula against the whole one.
-  real(wp), parameter :: richardson = 15
+  !> 1/(2**4 - 1): two half steps of a fourth-order formula against the whole one.
+  real(wp), parameter :: richardson = 1.0_wp/15
+  !> Products for quotients: the stages wait for each other, and a division takes three times as long.
+  real(wp), parameter :: third = 1.0_wp/3
 
   !> Where the system is.
   type :: instant_t
@@ -92,6 +94,7 @@ module lapwing_system
     procedure(scales_i), deferred :: scales
     procedure(observe_i), deferred :: observe
     procedure :: stages => stages_by_dispatch
+    procedure :: leap
     ! Asked only of a system with a closed form, which overrides them.
     procedure :: stretch, inside, turn, deepest, rigid_release
   end type system_t
@@ -241,7 +244,7 @@ contains
   !> exact, and no rounding of weights adds up over many steps.
   pure elemental real(wp) function mean_rate(k1, k2, k3, k4)
     real(wp), intent(in) :: k1, k2, k3, k4   !! rates at begin, twice in the middle, at the end
-    mean_rate = k1 + ((k2 - k1) + (k3 - k1) + 0.5_wp*(k4 - k1))/3
+    mean_rate = k1 + third*(((k2 - k1) + (k3 - k1)) + 0.5_wp*(k4 - k1))
   end function mean_rate
 
   !> The stages of one step, each derivative through the system's own procedure.
@@ -269,6 +272,19 @@ contains
       call self%derivatives(frame, motion_state, s, at, rate)
     end subroutine rate_of_change
   end subroutine stages_by_dispatch
+
+  !> Go on, from the beginning of the frame's piece, over pieces on which the step certainly meets
+  !> no flank. A system that knows nothing of the kind stays where it is.
+  pure subroutine leap(self, motion_state, motion, frame, touching, clear)
+    class(system_t), intent(in) :: self
+    integer, intent(in) :: motion_state          !! motion state
+    type(motion_t), intent(in) :: motion         !! step as a polynomial
+    type(frame_t), intent(inout) :: frame        !! frame, on the piece to be searched next
+    integer, intent(inout) :: touching           !! flank at zero distance where it begins, or none
+    logical, intent(out) :: clear                !! whether nothing is met up to the step's end,
+                                                 !! which the frame's piece then holds
+    clear = .false.
+  end subroutine leap
 
   !> The smooth stretch that begins at an instant.
   pure subroutine stretch(self, instant, stop, reached)

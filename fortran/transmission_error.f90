@@ -1,7 +1,7 @@
 !> The motion g of the drive flank over one mesh period: a periodic table of polynomial pieces.
 module lapwing_transmission_error
   use lapwing_kinds, only: wp
-  use lapwing_polynomial, only: max_degree, taylor_shift, horner, horner_slope
+  use lapwing_polynomial, only: max_degree, taylor_shift, horner, horner_slope, bernstein_on
   implicit none
   private
   public :: te_table_t, te_table, find_jumps, locate_piece, expand_at, flank_motion_at
@@ -13,6 +13,7 @@ module lapwing_transmission_error
     real(wp), allocatable :: coefficient(:, :)     !! (0:5, n), rad per tau**k
     logical, allocatable :: kink(:)                !! (n + 1) slope jump at knot(i) is data
     real(wp), allocatable :: slope_jump(:)         !! (n + 1) g'(knot+) - g'(knot-)
+    real(wp) :: bend(2) = 0                        !! bounds of g'' between kinks, rad per tau**2
     integer, allocatable :: next_kink(:)           !! (n) first kink or end after knot(i)
     integer, allocatable :: next_felt(:)           !! (n) or felt curvature jump
   end type te_table_t
@@ -40,8 +41,25 @@ contains
       end do
     end do
     table%kink = [kinks, kinks(1)]
+    table%bend = bounds_of_bend(table)
     call find_jumps(table, felt_curvature_jump)
   end function te_table
+
+  !> Least and greatest g'' that the pieces can have, by their Bernstein coefficients.
+  pure function bounds_of_bend(table) result(bend)
+    type(te_table_t), intent(in) :: table        !! table with pieces set
+    real(wp) :: bend(2), c(0:max_degree), b(0:max_degree)
+    integer :: i, k
+    bend = [huge(bend), -huge(bend)]
+    do i = 1, table%n
+      c = 0
+      do k = 0, max_degree - 2
+        c(k) = (k + 1)*(k + 2)*table%coefficient(k + 2, i)
+      end do
+      b = bernstein_on(c, table%knot(i + 1) - table%knot(i))
+      bend = [min(bend(1), minval(b)), max(bend(2), maxval(b))]
+    end do
+  end function bounds_of_bend
 
   !> Slope jumps, and for each piece the next knot where a step must end.
   pure subroutine find_jumps(table, felt_curvature_jump)

@@ -177,8 +177,8 @@ contains
     call tally%is_true(same_bytes(z_end(1:2), z_move(1:2)), "rk4_move ends as rk4_step")
   end subroutine test_move_is_step
 
-  !> `stages_by_dispatch` and the gear's own text: the same bytes, in every motion state, in steps
-  !> inside a piece and over several.
+  !> `stages_by_dispatch` and the gear's own text: the same bytes in contact, in steps inside a piece
+  !> and over several; in flight the same to rounding, which sums of weights up to 52 carry on.
   subroutine test_dispatch()
     type(oscillator_t) :: gear
     type(dispatched_t) :: slow
@@ -199,6 +199,14 @@ contains
       call rk4_step(gear, frame, motion_state, 0.9_wp*frame%stop, z, fast_motion, fast, error)
       call rk4_step(slow, frame, motion_state, 0.9_wp*frame%stop, z, slow_motion, by_dispatch, &
           error)
+      if (motion_state == separation) then
+        ! The gear knows that its flights are parabolas.
+        call tally%below(maxval(abs(fast_motion%dense - slow_motion%dense)), 200*epsilon(phi), &
+            "flight: dense output")
+        call tally%below(maxval(abs(fast(1:2) - by_dispatch(1:2))), 20*epsilon(phi), &
+            "flight: end of step")
+        cycle
+      end if
       call tally%is_true(same_bytes(fast(1:2), by_dispatch(1:2)), "dispatch: end of step")
       call tally%is_true(all(fast_motion%dense == slow_motion%dense), "dispatch: dense output")
     end do
