@@ -9,7 +9,7 @@ module lapwing_oscillator
   use lapwing_codes, only: separation, drive_flank, coast_flank, law_compliant, law_rigid, &
       law_absolute, gap_symmetric, gap_one_flank
   use lapwing_parameters, only: parameters_t, natural_angle, felt_jump
-  use lapwing_polynomial, only: max_degree, horner, horner_slope, taylor_shift, bernstein
+  use lapwing_polynomial, only: max_degree, horner, horner_slope, taylor_shift, never_below
   use lapwing_system, only: system_t, instant_t, frame_t, motion_t, step_t, max_states, &
       dense_degree, richardson, mean_rate
   use lapwing_transmission_error, only: te_table_t, te_table, find_jumps, locate_piece, expand_at, &
@@ -186,23 +186,27 @@ contains
     end do
   end subroutine leap
 
-  !> Whether a step in contact certainly stays inside the flank: z(s) less the greatest push of the
-  !> flank, max(g'') s**2/2, has positive Bernstein coefficients.
+  !> Whether a step in contact certainly stays inside the flank, if that pushes as much as it can
+  !> anywhere: by s**2/2 max(g'').
   pure logical function stays_inside(self, flank, motion, touching)
     class(oscillator_t), intent(in) :: self
     integer, intent(in) :: flank                 !! flank in contact
     type(motion_t), intent(in) :: motion         !! step as a polynomial
     logical, intent(in) :: touching              !! whether it begins at zero, known to go inside
-    real(wp) :: c(0:max_degree)
-    if (flank == drive_flank) then
-      c = motion%dense(:, 1)
-      c(2) = c(2) - max(0.0_wp, self%table%bend(2))*(0.5_wp*motion%h**2)
-    else
-      c = -motion%dense(:, 1)
-      c(2) = c(2) + min(0.0_wp, self%table%bend(1))*(0.5_wp*motion%h**2)
-    end if
-    if (touching) c = [c(1:), 0.0_wp]
-    stays_inside = all(bernstein(c) > 0)
+    real(wp) :: push, least
+    push = 0.5_wp*motion%h**2
+    associate (z => motion%dense(:, 1), bend => self%table%bend)
+      if (flank == drive_flank) then
+        push = push*max(0.0_wp, bend(2))
+        least = never_below([z(2), z(3) - push, z(4), z(5), z(6), 0.0_wp])
+        if (.not. touching) least = z(1) + min(0.0_wp, least)
+      else
+        push = push*min(0.0_wp, bend(1))
+        least = never_below([-z(2), push - z(3), -z(4), -z(5), -z(6), 0.0_wp])
+        if (.not. touching) least = min(0.0_wp, least) - z(1)
+      end if
+    end associate
+    stays_inside = least > 0
   end function stays_inside
 
   !> Time for which a flight, at s of a step, can meet no flank: the distance begins with the value

@@ -8,7 +8,7 @@ module lapwing_polynomial
   implicit none
   private
   public :: max_degree, horner, horner_slope, taylor_shift, bernstein, bernstein_on, upper_bound
-  public :: first_zero, first_descent, critical_points, lift_off, first_nonzero
+  public :: never_below, first_zero, first_descent, critical_points, lift_off, first_nonzero
 
   integer, parameter :: max_degree = 5
   !> Halvings before two roots closer than 2**-48 of the interval are treated as one.
@@ -83,6 +83,17 @@ contains
     integer :: k
     upper_bound = maxval(bernstein(c*[(length**k, k = 0, max_degree)]))
   end function upper_bound
+
+  !> Lower bound on [0, 1] for the price of a value, good where the first terms decide:
+  !> c0 + x*q(x) is not below c0 + min(0, min q).
+  pure real(wp) function never_below(c)
+    real(wp), intent(in) :: c(0:max_degree)  !! coefficients
+    integer :: k
+    never_below = c(max_degree)
+    do k = max_degree - 1, 0, -1
+      never_below = c(k) + min(0.0_wp, never_below)
+    end do
+  end function never_below
 
   !> Make a polynomial that leaves zero at the origin positive there: divide by x as often as the
   !> leading coefficient is not positive. `times` tells how often.

@@ -33,7 +33,7 @@ contains
       blob(at + 1:at + 6) = real([instant%motion_state, instant%chart, instant%touching, &
           instant%cycle, instant%piece, state%events_in_cycle], wp)
       blob(at + 7:at + 8) = [real(state%steps_in_cycle, wp), instant%t]
-      blob(at + 9:at + 14) = [state%memory%step, state%memory%past]
+      blob(at + 9:at + 14) = [state%memory%step, state%memory%ratio]
     end associate
     blob(at + 15:at + 20) = real([sums%n_log, sums%n_cycles, sums%next_sample, &
         merge(1, 0, sums%strobe_due), sums%states_visited, sums%n_flights], wp)
@@ -66,7 +66,7 @@ contains
     state%events_in_cycle = number(6)
     state%steps_in_cycle = number(7)
     state%memory%step = blob(at + 9:at + 11)
-    state%memory%past = blob(at + 12:at + 14)
+    state%memory%ratio = blob(at + 12:at + 14)
     sums%n_log = number(8)
     sums%n_cycles = number(9)
     sums%next_sample = number(10)

@@ -17,13 +17,16 @@ module lapwing_step_control
   real(wp), parameter :: safety = 0.9_wp
   real(wp), parameter :: most_growth = 5
   real(wp), parameter :: most_shrinkage = 0.1_wp
+  !> Error ratios after which a step keeps its length: a new one would differ by some 8 %, and the
+  !> next step would have to wait for its roots. The rule tends to 0.9**16 = 0.185.
+  real(wp), parameter :: low_enough = 0.35_wp, high_enough = 0.1_wp
   !> Keeps the integral term finite where a step was exact.
   real(wp), parameter :: least_ratio = 1.0e-4_wp
 
   !> What the rule remembers of one motion state.
   type :: step_memory_t
     real(wp) :: step = huge(1.0_wp)   !! step to try next
-    real(wp) :: past = 1              !! (error ratio of the step before)**(1/16)
+    real(wp) :: ratio = 1             !! error ratio of the step before
   end type step_memory_t
 
 contains
@@ -42,15 +45,20 @@ contains
     real(wp), intent(in) :: h                      !! step taken
     real(wp), intent(in) :: ratio                  !! its error ratio, at most 1
     logical, intent(in) :: cut_short               !! whether it was shorter than proposed
-    real(wp) :: factor, eighth
-    ! The next step waits for these roots.
-    eighth = sqrt(fourth_root(max(ratio, least_ratio)))
-    factor = min(most_growth, max(most_shrinkage, safety*memory%past/eighth))
+    real(wp) :: factor, bounded
+    if (ratio >= high_enough .and. ratio <= low_enough .and. .not. cut_short) then
+      memory%step = h
+      memory%ratio = ratio
+      return
+    end if
+    bounded = max(ratio, least_ratio)
+    factor = safety*fourth_root(fourth_root(memory%ratio/bounded**2))
+    factor = min(most_growth, max(most_shrinkage, factor))
     if (cut_short) then
       memory%step = max(memory%step, h*factor)
     else
       memory%step = h*factor
-      memory%past = sqrt(eighth)
+      memory%ratio = bounded
     end if
   end subroutine after_accepted
 
