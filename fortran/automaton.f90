@@ -102,6 +102,7 @@ contains
     if (state%instant%touching == flank) return
     call system%contact(segment%frame, flank, 0.0_wp, z, distance, approach)
     if (distance < 0) return
+    call system%unfold(segment%frame)
     if (approach < 0 .or. (.not. approach > 0 &
         .and. pressing_sign(system, segment%frame, flank, 0.0_wp, z) < 0)) then
       call let_go(system, state, segment, flank, approach)
@@ -182,9 +183,17 @@ contains
     integer, intent(out) :: status                  !! status_*
     type(crossing_t) :: crossing
     real(wp) :: z_end(max_states), z_event(max_states)
+    logical :: stays
     segment%stepped = .true.
     call accept_step(system, numerics, state, segment, z, z_end, work, status)
     if (status /= status_ok) return
+    if (segment%motion_state /= separation) then
+      call system%stay(segment%frame, segment%motion, z_end, state%instant, stays)
+      if (stays) then
+        call end_of_step(system, state, segment)
+        return
+      end if
+    end if
     call find_crossing(system, segment%frame, segment%motion_state, state%instant%touching, &
         segment%motion, work, crossing)
     if (crossing%found) then
@@ -200,17 +209,25 @@ contains
     if (crossing%found) then
       call end_at_crossing(system, state, segment, crossing, z_event)
     else
-      segment%length = segment%motion%h
-      call system%commit(crossing%frame, segment%length, z_end, state%instant%chart, &
+      call system%commit(crossing%frame, segment%motion%h, z_end, state%instant%chart, &
           state%instant%y)
-      if (segment%length >= segment%frame%stop) then
-        call pass_stop(system, state, segment)
-      else
-        call move_time(state, segment)
-        state%instant%piece = crossing%frame%piece
-      end if
+      state%instant%piece = crossing%frame%piece
+      call end_of_step(system, state, segment)
     end if
   end subroutine step_on
+
+  !> A step has been taken to its end, where the state is already but for its time.
+  subroutine end_of_step(system, state, segment)
+    class(system_t), intent(in) :: system           !! what moves
+    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(segment_t), intent(inout) :: segment       !! what happened
+    segment%length = segment%motion%h
+    if (segment%length >= segment%frame%stop) then
+      call pass_stop(system, state, segment)
+    else
+      call move_time(state, segment)
+    end if
+  end subroutine end_of_step
 
   !> One stretch in closed form, to the first event or the stop.
   subroutine stretch_on(system, state, segment, work)

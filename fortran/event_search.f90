@@ -58,10 +58,13 @@ contains
     logical :: clear
     crossing%found = .false.
     crossing%frame = frame
+    call system%unfold(crossing%frame)
     touching_here = touching
     do
-      call system%leap(motion_state, motion, crossing%frame, touching_here, clear)
-      if (clear) return
+      if (motion_state == separation) then
+        call system%leap(motion, crossing%frame, touching_here, clear)
+        if (clear) return
+      end if
       call search_piece(system, motion_state, touching_here, motion, work, crossing)
       if (crossing%found .or. crossing%frame%piece_end >= motion%h) return
       call system%next_piece(crossing%frame)

@@ -9,11 +9,12 @@ module lapwing_oscillator
   use lapwing_codes, only: separation, drive_flank, coast_flank, law_compliant, law_rigid, &
       law_absolute, gap_symmetric, gap_one_flank
   use lapwing_parameters, only: parameters_t, natural_angle, felt_jump
-  use lapwing_polynomial, only: max_degree, horner, horner_slope, taylor_shift, never_below
+  use lapwing_polynomial, only: max_degree, horner, horner_slope, value_and_slope, taylor_shift, &
+      never_below
   use lapwing_system, only: system_t, instant_t, frame_t, motion_t, step_t, max_states, &
-      dense_degree, richardson, mean_rate
-  use lapwing_transmission_error, only: te_table_t, te_table, find_jumps, locate_piece, expand_at, &
-      flank_motion_at
+      dense_degree, richardson, change
+  use lapwing_transmission_error, only: te_table_t, te_table, find_jumps, locate_piece, piece_at, &
+      expand_at, flank_motion_at
   implicit none
   private
   public :: oscillator_t, oscillator, open_table_frame, frame_about, impact_law
@@ -28,10 +29,10 @@ module lapwing_oscillator
     logical :: absolute = .false.         !! impact law of absolute velocities
     logical :: coast_moves = .true.       !! whether the coast flank moves with g
   contains
-    procedure :: open_frame => open_table_frame
+    procedure :: open_frame => open_step_frame
     procedure :: flank_motion, change_force
     procedure :: next_piece, derivatives, gap, contact, commit, pressing
-    procedure :: rebound, sums_chatter, launch, pass_knot, scales, observe, stages, leap
+    procedure :: rebound, sums_chatter, launch, pass_knot, scales, observe, stages, stay, unfold, leap
   end type oscillator_t
 
 contains
@@ -76,6 +77,44 @@ contains
     call set_force(self, parameters)
     call find_jumps(self%table, felt_jump(parameters))
   end subroutine change_force
+
+  !> The frame of a step: in contact with a moving flank without the flanks themselves, which most
+  !> such steps never ask for.
+  pure subroutine open_step_frame(self, instant, frame, z)
+    class(oscillator_t), intent(in) :: self
+    type(instant_t), intent(in) :: instant       !! where the step begins
+    type(frame_t), intent(out) :: frame          !! its frame
+    real(wp), intent(out) :: z(max_states)       !! local coordinates of the instant
+    if (instant%motion_state == separation .or. self%rigid &
+        .or. (self%n_flanks == 2 .and. .not. self%coast_moves)) then
+      call open_table_frame(self, instant, frame, z)
+      return
+    end if
+    associate (table => self%table, t => instant%t)
+      frame%folded = .true.
+      frame%chart = instant%chart
+      frame%t = t
+      frame%piece = locate_piece(table, t, instant%piece)
+      frame%piece_end = table%knot(frame%piece + 1) - t
+      frame%stop_knot = table%next_felt(frame%piece)
+      frame%stop = table%knot(frame%stop_knot) - t
+      call value_and_slope(table%coefficient(:, frame%piece), t - table%knot(frame%piece), &
+          frame%origin, frame%origin_rate)
+    end associate
+    z = instant%y
+  end subroutine open_step_frame
+
+  !> Fill in the flanks of a frame that was opened without them.
+  pure subroutine unfold(self, frame)
+    class(oscillator_t), intent(in) :: self
+    type(frame_t), intent(inout) :: frame        !! frame as opened
+    real(wp) :: g(0:max_degree)
+    if (.not. frame%folded) return
+    call expand_at(self%table, frame%piece, frame%t, g)
+    g(0:1) = 0
+    call set_flanks(self, g, frame)
+    frame%folded = .false.
+  end subroutine unfold
 
   !> Open the Galilean frame of the flank last touched.
   pure subroutine open_table_frame(self, instant, frame, z)
@@ -158,11 +197,38 @@ contains
     end do
   end subroutine next_piece
 
-  !> In contact, the whole step or nothing; in flight, up to the piece on which a flank might be met.
-  !> Left to the search of every piece: a coast flank that does not move with the drive flank.
-  pure subroutine leap(self, motion_state, motion, frame, touching, clear)
+  !> A step in contact that certainly stays inside, if the flank pushes as much as it can anywhere,
+  !> by s**2/2 max(g'').
+  pure subroutine stay(self, frame, motion, z_end, instant, stays)
     class(oscillator_t), intent(in) :: self
-    integer, intent(in) :: motion_state          !! motion state
+    type(frame_t), intent(in) :: frame           !! frame as opened
+    type(motion_t), intent(in) :: motion         !! step as a polynomial
+    real(wp), intent(in) :: z_end(max_states)    !! local coordinates at its end
+    type(instant_t), intent(inout) :: instant    !! its beginning; if it stays, piece and y move on
+    logical, intent(out) :: stays                !! whether it does
+    real(wp) :: push, least, position, slope
+    stays = .false.
+    if (self%n_flanks == 2 .and. .not. self%coast_moves) return
+    associate (z => motion%dense(:, 1), flank => instant%motion_state)
+      push = 0.5_wp*motion%h**2*max(0.0_wp, self%table%push(flank))
+      if (flank == drive_flank) then
+        least = never_below([z(2), z(3) - push, z(4), z(5), z(6), 0.0_wp])
+        if (instant%touching /= flank) least = z(1) + min(0.0_wp, least)
+      else
+        least = never_below([-z(2), -z(3) - push, -z(4), -z(5), -z(6), 0.0_wp])
+        if (instant%touching /= flank) least = min(0.0_wp, least) - z(1)
+      end if
+    end associate
+    stays = least > 0
+    if (.not. stays) return
+    call flank_in_frame(self, frame, frame%chart, motion%h, instant%piece, position, slope)
+    instant%y(1:2) = [z_end(1) - position, z_end(2) - slope]
+  end subroutine stay
+
+  !> In flight, up to the piece on which a flank might be met. Left to the search of every piece: a
+  !> coast flank that does not move with the drive flank.
+  pure subroutine leap(self, motion, frame, touching, clear)
+    class(oscillator_t), intent(in) :: self
     type(motion_t), intent(in) :: motion         !! step as a polynomial
     type(frame_t), intent(inout) :: frame        !! frame, on the piece to be searched next
     integer, intent(inout) :: touching           !! flank at zero distance where it begins, or none
@@ -170,11 +236,6 @@ contains
     real(wp) :: s
     clear = .false.
     if (self%n_flanks == 2 .and. .not. self%coast_moves) return
-    if (motion_state /= separation) then
-      clear = stays_inside(self, motion_state, motion, touching == motion_state)
-      if (clear) call move_to(self, frame, motion%h)
-      return
-    end if
     s = frame%piece_begin
     do
       s = s + time_of_grace(self, frame, touching, motion, s)
@@ -185,29 +246,6 @@ contains
       touching = 0
     end do
   end subroutine leap
-
-  !> Whether a step in contact certainly stays inside the flank, if that pushes as much as it can
-  !> anywhere: by s**2/2 max(g'').
-  pure logical function stays_inside(self, flank, motion, touching)
-    class(oscillator_t), intent(in) :: self
-    integer, intent(in) :: flank                 !! flank in contact
-    type(motion_t), intent(in) :: motion         !! step as a polynomial
-    logical, intent(in) :: touching              !! whether it begins at zero, known to go inside
-    real(wp) :: push, least
-    push = 0.5_wp*motion%h**2
-    associate (z => motion%dense(:, 1), bend => self%table%bend)
-      if (flank == drive_flank) then
-        push = push*max(0.0_wp, bend(2))
-        least = never_below([z(2), z(3) - push, z(4), z(5), z(6), 0.0_wp])
-        if (.not. touching) least = z(1) + min(0.0_wp, least)
-      else
-        push = push*min(0.0_wp, bend(1))
-        least = never_below([-z(2), push - z(3), -z(4), -z(5), -z(6), 0.0_wp])
-        if (.not. touching) least = min(0.0_wp, least) - z(1)
-      end if
-    end associate
-    stays_inside = least > 0
-  end function stays_inside
 
   !> Time for which a flight, at s of a step, can meet no flank: the distance begins with the value
   !> and slope it has there and bends towards the flank as much as it can anywhere.
@@ -224,11 +262,11 @@ contains
     phi = y(1)
     if (frame%chart == coast_flank) phi = phi - self%width
     time_of_grace = no_sooner(merge(0.0_wp, -phi, touching == drive_flank), y(2), &
-        self%force - self%table%bend(1))
+        self%force + self%table%push(coast_flank))
     if (self%n_flanks == 2) then
       if (frame%chart == drive_flank) y(1) = y(1) + self%width
       time_of_grace = min(time_of_grace, no_sooner(merge(0.0_wp, y(1), touching == coast_flank), &
-          -y(2), self%table%bend(2) - self%force))
+          -y(2), self%table%push(drive_flank) - self%force))
     end if
     time_of_grace = caution*time_of_grace
   end function time_of_grace
@@ -259,7 +297,7 @@ contains
     real(wp) :: g(0:max_degree)
     integer :: piece
     if (s <= frame%piece_end) return
-    piece = min(locate_piece(self%table, frame%t + s, frame%piece + 1), frame%stop_knot - 1)
+    piece = min(piece_at(self%table, frame%t + s), frame%stop_knot - 1)
     if (piece <= frame%piece) return
     frame%piece = piece
     frame%piece_begin = self%table%knot(piece) - frame%t
@@ -267,13 +305,22 @@ contains
     g = self%table%coefficient(:, piece)
     g(0) = g(0) - frame%origin - frame%origin_rate*frame%piece_begin
     g(1) = g(1) - frame%origin_rate
-    frame%flank = spread(g, 2, 2)
+    call set_flanks(self, g, frame)
+  end subroutine move_to
+
+  !> Flanks that move alike, from the polynomial of the chart's own.
+  pure subroutine set_flanks(self, g, frame)
+    class(oscillator_t), intent(in) :: self
+    real(wp), intent(in) :: g(0:max_degree)      !! flank of the chart
+    type(frame_t), intent(inout) :: frame        !! frame
+    frame%flank(:, drive_flank) = g
+    frame%flank(:, coast_flank) = g
     if (frame%chart == drive_flank) then
       frame%flank(0, coast_flank) = g(0) - self%width
     else
       frame%flank(0, drive_flank) = g(0) + self%width
     end if
-  end subroutine move_to
+  end subroutine set_flanks
 
   !> Flight under the constant force, or the damped spring of the flank in contact.
   pure subroutine derivatives(self, frame, motion_state, s, z, rate)
@@ -304,29 +351,53 @@ contains
     integer, intent(in) :: flank                 !! flank in contact
     real(wp), intent(in) :: s                    !! time since the frame was opened
     real(wp) :: position, slope
-    call flank_in_frame(self, frame, flank, s, position, slope)
+    integer :: piece
+    drive = self%force
+    if (s <= 0) return
+    call flank_in_frame(self, frame, flank, s, piece, position, slope)
     drive = self%force + (position + self%damping*slope)
   end function drive
 
-  !> Position and velocity, in the frame, of the flank in contact (a contact state has its number).
-  pure subroutine flank_in_frame(self, frame, flank, s, position, slope)
+  !> The same at the four quarters of a step that ends on the piece where it begins.
+  pure subroutine drive_on_piece(self, frame, h, driven)
     class(oscillator_t), intent(in) :: self
     type(frame_t), intent(in) :: frame           !! frame as opened
-    integer, intent(in) :: flank                 !! flank in contact
+    real(wp), intent(in) :: h                    !! step
+    real(wp), intent(out) :: driven(4)           !! at its quarters
+    real(wp), dimension(4) :: s, x, position, slope
+    integer :: k
+    associate (c => self%table%coefficient(:, frame%piece))
+      s = [1, 2, 3, 4]*(0.25_wp*h)
+      x = frame%t + s - self%table%knot(frame%piece)
+      position = c(max_degree + 1)
+      slope = 0
+      do k = max_degree, 1, -1
+        slope = slope*x + position
+        position = position*x + c(k)
+      end do
+    end associate
+    position = position - frame%origin - frame%origin_rate*s
+    slope = slope - frame%origin_rate
+    driven = self%force + (position + self%damping*slope)
+  end subroutine drive_on_piece
+
+  !> Position and velocity, in the frame, of the flank of its chart.
+  pure subroutine flank_in_frame(self, frame, flank, s, piece, position, slope)
+    class(oscillator_t), intent(in) :: self
+    type(frame_t), intent(in) :: frame           !! frame as opened
+    integer, intent(in) :: flank                 !! the flank
     real(wp), intent(in) :: s                    !! time since the frame was opened
+    integer, intent(out) :: piece                !! piece that holds s
     real(wp), intent(out) :: position, slope     !! in the frame
-    integer :: piece
-    real(wp) :: x
-    if (s <= frame%piece_end .or. (flank == coast_flank .and. .not. self%coast_moves)) then
-      position = horner(frame%flank(:, flank), s)
-      slope = horner_slope(frame%flank(:, flank), s)
-    else
-      ! At the last stage a kink that ends the step has not happened yet.
-      piece = min(locate_piece(self%table, frame%t + s, frame%piece), frame%stop_knot - 1)
-      x = frame%t + s - self%table%knot(piece)
-      position = horner(self%table%coefficient(:, piece), x) - frame%origin - frame%origin_rate*s
-      slope = horner_slope(self%table%coefficient(:, piece), x) - frame%origin_rate
-    end if
+    ! What ends the step, at the last stage, has not happened yet.
+    piece = min(piece_at(self%table, frame%t + s), frame%stop_knot - 1)
+    position = 0
+    slope = 0
+    if (flank == coast_flank .and. .not. self%coast_moves) return
+    call value_and_slope(self%table%coefficient(:, piece), frame%t + s - self%table%knot(piece), &
+        position, slope)
+    position = position - frame%origin - frame%origin_rate*s
+    slope = slope - frame%origin_rate
   end subroutine flank_in_frame
 
   !> The stages with derivatives in place: in contact the same text as `stages_by_dispatch`.
@@ -344,9 +415,14 @@ contains
     if (motion_state == separation) then
       call fly(self%force, h, z, step)
     else
-      do i = 0, 4
-        driven(i) = drive(self, frame, motion_state, i*(0.25_wp*h))
-      end do
+      driven(0) = self%force
+      if (h <= frame%piece_end .and. (motion_state == drive_flank .or. self%coast_moves)) then
+        call drive_on_piece(self, frame, h, driven(1:4))
+      else
+        do i = 1, 4
+          driven(i) = drive(self, frame, motion_state, i*(0.25_wp*h))
+        end do
+      end if
       call take_stages()
     end if
   contains

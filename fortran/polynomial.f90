@@ -7,7 +7,7 @@ module lapwing_polynomial
   use lapwing_kinds, only: wp
   implicit none
   private
-  public :: max_degree, horner, horner_slope, taylor_shift, bernstein, bernstein_on, upper_bound
+  public :: max_degree, horner, horner_slope, value_and_slope, taylor_shift, bernstein, bernstein_on, upper_bound
   public :: never_below, first_zero, first_descent, critical_points, lift_off, first_nonzero
 
   integer, parameter :: max_degree = 5
@@ -39,6 +39,20 @@ contains
       horner_slope = horner_slope*x + i*c(i)
     end do
   end function horner_slope
+
+  !> Both at once, of a polynomial of the highest degree.
+  pure subroutine value_and_slope(c, x, value, slope)
+    real(wp), intent(in) :: c(0:max_degree)  !! coefficients
+    real(wp), intent(in) :: x                !! argument
+    real(wp), intent(out) :: value, slope    !! there
+    integer :: i
+    value = c(max_degree)
+    slope = 0
+    do i = max_degree - 1, 0, -1
+      slope = slope*x + value
+      value = value*x + c(i)
+    end do
+  end subroutine value_and_slope
 
   !> Coefficients about x instead of 0 (repeated synthetic division).
   pure subroutine taylor_shift(c, x)

@@ -11,7 +11,7 @@ module lapwing_system
   implicit none
   private
   public :: max_states, dense_degree
-  public :: instant_t, frame_t, motion_t, step_t, reached_t, system_t, richardson, mean_rate, &
+  public :: instant_t, frame_t, motion_t, step_t, reached_t, system_t, richardson, change, &
       stages_by_dispatch
 
   integer, parameter :: max_states = 8            !! largest number of state variables
@@ -20,7 +20,7 @@ module lapwing_system
   !> 1/(2**4 - 1): two half steps of a fourth-order formula against the whole one.
   real(wp), parameter :: richardson = 1.0_wp/15
   !> Products for quotients: the stages wait for each other, and a division takes three times as long.
-  real(wp), parameter :: third = 1.0_wp/3
+  real(wp), parameter :: third = 1.0_wp/3, sixth = 1.0_wp/6
 
   !> Where the system is.
   type :: instant_t
@@ -41,6 +41,7 @@ module lapwing_system
     real(wp) :: t = 0                            !! cycle time of s = 0
     real(wp) :: piece_begin = 0, piece_end = 0   !! span of the piece in s
     real(wp) :: stop = 0                         !! s that no step may pass
+    logical :: folded = .false.                  !! whether `flank` is still to be filled in
     real(wp) :: origin_rate = 0                  !! velocity of the frame, rad per tau
     real(wp) :: origin = 0                       !! position of the moving flank at s = 0, rad
     real(wp) :: flank(0:max_degree, 2) = 0       !! flank positions about s = piece_begin
@@ -94,7 +95,7 @@ module lapwing_system
     procedure(scales_i), deferred :: scales
     procedure(observe_i), deferred :: observe
     procedure :: stages => stages_by_dispatch
-    procedure :: leap
+    procedure :: stay, unfold, leap
     ! Asked only of a system with a closed form, which overrides them.
     procedure :: stretch, inside, turn, deepest, rigid_release
   end type system_t
@@ -240,12 +241,13 @@ module lapwing_system
 
 contains
 
-  !> Weighted mean of the four classical rates, about the first: where the rate is constant it is
-  !> exact, and no rounding of weights adds up over many steps.
-  pure elemental real(wp) function mean_rate(k1, k2, k3, k4)
+  !> Change over a step by the four classical rates, about the first: where the rate is constant it
+  !> is exact, and no rounding of weights adds up over many steps. The last rate has least to wait for.
+  pure elemental real(wp) function change(h, k1, k2, k3, k4)
+    real(wp), intent(in) :: h                !! step
     real(wp), intent(in) :: k1, k2, k3, k4   !! rates at begin, twice in the middle, at the end
-    mean_rate = k1 + third*(((k2 - k1) + (k3 - k1)) + 0.5_wp*(k4 - k1))
-  end function mean_rate
+    change = (h*k1 + (h*third)*((k2 - k1) + (k3 - k1))) + (h*sixth)*(k4 - k1)
+  end function change
 
   !> The stages of one step, each derivative through the system's own procedure.
   !> A system may override this with the same text around derivatives the compiler can inline.
@@ -273,11 +275,28 @@ contains
     end subroutine rate_of_change
   end subroutine stages_by_dispatch
 
-  !> Go on, from the beginning of the frame's piece, over pieces on which the step certainly meets
-  !> no flank. A system that knows nothing of the kind stays where it is.
-  pure subroutine leap(self, motion_state, motion, frame, touching, clear)
+  !> A step in contact that certainly stays inside the flank: the state at its end, without a look
+  !> at the flank on the way. A system that knows nothing of the kind lets it be searched.
+  pure subroutine stay(self, frame, motion, z_end, instant, stays)
     class(system_t), intent(in) :: self
-    integer, intent(in) :: motion_state          !! motion state
+    type(frame_t), intent(in) :: frame           !! frame as opened
+    type(motion_t), intent(in) :: motion         !! step as a polynomial
+    real(wp), intent(in) :: z_end(max_states)    !! local coordinates at its end
+    type(instant_t), intent(inout) :: instant    !! its beginning; if it stays, piece and y move on
+    logical, intent(out) :: stays                !! whether it does
+    stays = .false.
+  end subroutine stay
+
+  !> Fill in the flanks of a frame that was opened without them.
+  pure subroutine unfold(self, frame)
+    class(system_t), intent(in) :: self
+    type(frame_t), intent(inout) :: frame        !! frame as opened
+  end subroutine unfold
+
+  !> Go on in a flight, from the beginning of the frame's piece, over pieces on which it certainly
+  !> meets no flank. A system that knows nothing of the kind stays where it is.
+  pure subroutine leap(self, motion, frame, touching, clear)
+    class(system_t), intent(in) :: self
     type(motion_t), intent(in) :: motion         !! step as a polynomial
     type(frame_t), intent(inout) :: frame        !! frame, on the piece to be searched next
     integer, intent(inout) :: touching           !! flank at zero distance where it begins, or none

@@ -1,10 +1,10 @@
 !> The motion g of the drive flank over one mesh period: a periodic table of polynomial pieces.
 module lapwing_transmission_error
   use lapwing_kinds, only: wp
-  use lapwing_polynomial, only: max_degree, taylor_shift, horner, horner_slope, bernstein_on
+  use lapwing_polynomial, only: max_degree, taylor_shift, value_and_slope, bernstein_on
   implicit none
   private
-  public :: te_table_t, te_table, find_jumps, locate_piece, expand_at, flank_motion_at
+  public :: te_table_t, te_table, find_jumps, locate_piece, piece_at, expand_at, flank_motion_at
 
   !> g(t) = sum_k coefficient(k,i) (t - knot(i))**k for knot(i) <= t < knot(i+1), t in [0, period).
   type :: te_table_t
@@ -13,7 +13,10 @@ module lapwing_transmission_error
     real(wp), allocatable :: coefficient(:, :)     !! (0:5, n), rad per tau**k
     logical, allocatable :: kink(:)                !! (n + 1) slope jump at knot(i) is data
     real(wp), allocatable :: slope_jump(:)         !! (n + 1) g'(knot+) - g'(knot-)
-    real(wp) :: bend(2) = 0                        !! bounds of g'' between kinks, rad per tau**2
+    real(wp) :: cells_per_tau = 0                  !! of the grid of n equal cells
+    integer, allocatable :: before_cell(:)         !! (0:n) pieces that begin before each cell
+    real(wp) :: push(2) = 0                        !! bounds of g'' and -g'' between kinks,
+                                                   !! rad per tau**2: what a flank can push with
     integer, allocatable :: next_kink(:)           !! (n) first kink or end after knot(i)
     integer, allocatable :: next_felt(:)           !! (n) or felt curvature jump
   end type te_table_t
@@ -41,25 +44,30 @@ contains
       end do
     end do
     table%kink = [kinks, kinks(1)]
-    table%bend = bounds_of_bend(table)
+    table%cells_per_tau = n/period
+    allocate (table%before_cell(0:n))
+    do i = 0, n
+      table%before_cell(i) = count([(cell_of(table, table%knot(k)), k = 1, n)] < i)
+    end do
+    table%push = greatest_push(table)
     call find_jumps(table, felt_curvature_jump)
   end function te_table
 
-  !> Least and greatest g'' that the pieces can have, by their Bernstein coefficients.
-  pure function bounds_of_bend(table) result(bend)
+  !> Greatest g'' and -g'' that the pieces can have, by their Bernstein coefficients.
+  pure function greatest_push(table) result(push)
     type(te_table_t), intent(in) :: table        !! table with pieces set
-    real(wp) :: bend(2), c(0:max_degree), b(0:max_degree)
+    real(wp) :: push(2), c(0:max_degree), b(0:max_degree)
     integer :: i, k
-    bend = [huge(bend), -huge(bend)]
+    push = -huge(push)
     do i = 1, table%n
       c = 0
       do k = 0, max_degree - 2
         c(k) = (k + 1)*(k + 2)*table%coefficient(k + 2, i)
       end do
       b = bernstein_on(c, table%knot(i + 1) - table%knot(i))
-      bend = [min(bend(1), minval(b)), max(bend(2), maxval(b))]
+      push = [max(push(1), maxval(b)), max(push(2), -minval(b))]
     end do
-  end function bounds_of_bend
+  end function greatest_push
 
   !> Slope jumps, and for each piece the next knot where a step must end.
   pure subroutine find_jumps(table, felt_curvature_jump)
@@ -94,26 +102,38 @@ contains
     type(te_table_t), intent(in) :: table  !! table
     real(wp), intent(in) :: t              !! time in the mesh period
     integer, intent(in) :: guess           !! where to look first
-    integer :: lower, upper, middle
     piece = min(max(guess, 1), table%n)
     if (t >= table%knot(piece)) then
       if (t < table%knot(piece + 1) .or. piece == table%n) return
-      lower = piece
-      upper = table%n + 1
-    else
-      lower = 1
-      upper = piece
     end if
-    do while (upper - lower > 1)
-      middle = (lower + upper)/2
+    piece = piece_at(table, t)
+  end function locate_piece
+
+  !> The same without a guess: one of the pieces that reach into the cell that holds t.
+  pure integer function piece_at(table, t) result(piece)
+    type(te_table_t), intent(in) :: table  !! table
+    real(wp), intent(in) :: t              !! time in the mesh period
+    integer :: beyond, middle, cell
+    cell = cell_of(table, t)
+    piece = max(table%before_cell(cell), 1)
+    beyond = table%before_cell(cell + 1) + 1
+    do while (beyond - piece > 1)
+      middle = (piece + beyond)/2
       if (t >= table%knot(middle)) then
-        lower = middle
+        piece = middle
       else
-        upper = middle
+        beyond = middle
       end if
     end do
-    piece = lower
-  end function locate_piece
+  end function piece_at
+
+  !> The cell of the grid that holds t. It grows with t whatever the rounding, so that a knot in an
+  !> earlier cell is earlier.
+  pure integer function cell_of(table, t)
+    type(te_table_t), intent(in) :: table  !! table
+    real(wp), intent(in) :: t              !! time in the mesh period
+    cell_of = min(int(t*table%cells_per_tau), table%n - 1)
+  end function cell_of
 
   !> Taylor coefficients of g about t.
   pure subroutine expand_at(table, piece, t, local)
@@ -135,7 +155,6 @@ contains
     real(wp) :: x
     piece = locate_piece(table, t, guess)
     x = t - table%knot(piece)
-    g = horner(table%coefficient(:, piece), x)
-    slope = horner_slope(table%coefficient(:, piece), x)
+    call value_and_slope(table%coefficient(:, piece), x, g, slope)
   end subroutine flank_motion_at
 end module lapwing_transmission_error
