@@ -109,22 +109,25 @@ contains
     piece = piece_at(table, t)
   end function locate_piece
 
-  !> The same without a guess: one of the pieces that reach into the cell that holds t.
+  !> The same without a guess: one of the pieces that reach into the cell that holds t, most often
+  !> the last.
   pure integer function piece_at(table, t) result(piece)
     type(te_table_t), intent(in) :: table  !! table
     real(wp), intent(in) :: t              !! time in the mesh period
-    integer :: beyond, middle, cell
+    integer :: lower, middle, cell
     cell = cell_of(table, t)
-    piece = max(table%before_cell(cell), 1)
-    beyond = table%before_cell(cell + 1) + 1
-    do while (beyond - piece > 1)
-      middle = (piece + beyond)/2
+    piece = max(table%before_cell(cell + 1), 1)
+    if (t >= table%knot(piece)) return
+    lower = max(table%before_cell(cell), 1)
+    do while (piece - lower > 1)
+      middle = (lower + piece)/2
       if (t >= table%knot(middle)) then
-        piece = middle
+        lower = middle
       else
-        beyond = middle
+        piece = middle
       end if
     end do
+    piece = lower
   end function piece_at
 
   !> The cell of the grid that holds t. It grows with t whatever the rounding, so that a knot in an
