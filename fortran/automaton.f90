@@ -16,7 +16,7 @@ module lapwing_automaton
   use lapwing_system, only: system_t, frame_t, reached_t, max_states
   implicit none
   private
-  public :: advance, at_stop, check_bounds, pass_stop
+  public :: advance, at_stop, check_bounds, pass_stop, end_of_step
 
 contains
 

@@ -12,7 +12,8 @@ module lapwing_exact_automaton
   use lapwing_exact_contact, only: contact_end
   use lapwing_exact_flight, only: end_t, flight_end
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
-  use lapwing_oscillator, only: impact_law
+  use lapwing_oscillator, only: oscillator_t, impact_law
+  use lapwing_plain_contact, only: step_in_contact
   use lapwing_polynomial, only: max_degree
   use lapwing_smooth_curve, only: curve_t, expand_launch, flank_taylor
   use lapwing_system, only: system_t
@@ -37,6 +38,12 @@ contains
       call advance_plainly(system, state, segment, done)
       if (done) then
         work%stretches = work%stretches + 1
+        call check_bounds(system, numerics, state, segment, status)
+        return
+      end if
+    type is (oscillator_t)
+      call step_in_contact(system, numerics, state, segment, work, done)
+      if (done) then
         call check_bounds(system, numerics, state, segment, status)
         return
       end if

@@ -17,7 +17,7 @@ module lapwing_oscillator
       expand_at, flank_motion_at
   implicit none
   private
-  public :: oscillator_t, oscillator, open_table_frame, frame_about, impact_law
+  public :: oscillator_t, oscillator, open_table_frame, open_contact_frame, frame_about, impact_law
 
   type, extends(system_t) :: oscillator_t
     type(te_table_t) :: table             !! g over one mesh period
@@ -28,6 +28,7 @@ module lapwing_oscillator
     real(wp) :: flight_velocity_scale = 1 !! natural size of velocities in flight
     logical :: absolute = .false.         !! impact law of absolute velocities
     logical :: coast_moves = .true.       !! whether the coast flank moves with g
+    logical :: alike = .true.             !! whether all flanks there are move with g
   contains
     procedure :: open_frame => open_step_frame
     procedure :: flank_motion, change_force
@@ -56,6 +57,7 @@ contains
       self%width = merge(2*p%backlash, p%backlash, p%gap == gap_symmetric)
       self%absolute = p%impact_law == law_absolute
       self%coast_moves = p%back_flank_te
+      self%alike = self%n_flanks == 1 .or. self%coast_moves
       call set_force(self, p)
       self%table = te_table(knots, coefficients, kinks, p%flank_scale, self%period, felt_jump(p))
     end associate
@@ -85,24 +87,32 @@ contains
     type(instant_t), intent(in) :: instant       !! where the step begins
     type(frame_t), intent(out) :: frame          !! its frame
     real(wp), intent(out) :: z(max_states)       !! local coordinates of the instant
-    if (instant%motion_state == separation .or. self%rigid &
-        .or. (self%n_flanks == 2 .and. .not. self%coast_moves)) then
+    if (instant%motion_state == separation .or. self%rigid .or. .not. self%alike) then
       call open_table_frame(self, instant, frame, z)
-      return
+    else
+      call open_contact_frame(self, instant, frame)
+      z = instant%y
     end if
+  end subroutine open_step_frame
+
+  !> The frame of a step in contact, its flanks left for `unfold`.
+  pure subroutine open_contact_frame(self, instant, frame)
+    class(oscillator_t), intent(in) :: self
+    type(instant_t), intent(in) :: instant       !! where the step begins
+    type(frame_t), intent(inout) :: frame        !! its frame
     associate (table => self%table, t => instant%t)
       frame%folded = .true.
       frame%chart = instant%chart
       frame%t = t
-      frame%piece = locate_piece(table, t, instant%piece)
+      frame%piece = piece_at(table, t)
+      frame%piece_begin = 0
       frame%piece_end = table%knot(frame%piece + 1) - t
       frame%stop_knot = table%next_felt(frame%piece)
       frame%stop = table%knot(frame%stop_knot) - t
       call value_and_slope(table%coefficient(:, frame%piece), t - table%knot(frame%piece), &
           frame%origin, frame%origin_rate)
     end associate
-    z = instant%y
-  end subroutine open_step_frame
+  end subroutine open_contact_frame
 
   !> Fill in the flanks of a frame that was opened without them.
   pure subroutine unfold(self, frame)
@@ -208,7 +218,7 @@ contains
     logical, intent(out) :: stays                !! whether it does
     real(wp) :: push, least, position, slope
     stays = .false.
-    if (self%n_flanks == 2 .and. .not. self%coast_moves) return
+    if (.not. self%alike) return
     associate (z => motion%dense(:, 1), flank => instant%motion_state)
       push = 0.5_wp*motion%h**2*max(0.0_wp, self%table%push(flank))
       if (flank == drive_flank) then
@@ -235,7 +245,7 @@ contains
     logical, intent(out) :: clear                !! whether nothing is met up to the step's end
     real(wp) :: s
     clear = .false.
-    if (self%n_flanks == 2 .and. .not. self%coast_moves) return
+    if (.not. self%alike) return
     s = frame%piece_begin
     do
       s = s + time_of_grace(self, frame, touching, motion, s)

@@ -11,7 +11,7 @@ module lapwing_rk4
   use lapwing_system, only: system_t, frame_t, motion_t, step_t, max_states
   implicit none
   private
-  public :: rk4_step, rk4_move
+  public :: rk4_step, rk4_move, read_step
 
   !> An estimate below the rounding of its own sum says nothing: in a flight, where the formula is
   !> exact, it would otherwise shorten the steps.
@@ -34,13 +34,27 @@ contains
     call system%stages(frame, motion_state, h, z, .true., step)
     motion%h = h
     do i = 1, system%n_states
-      call interpolate(z(i), step%middle(i), step%end(i), h*step%rate_begin(i), &
-          h*step%rate_middle(i), h*step%rate_end(i), motion%dense(:, i))
+      call read_step(step, h, z(i), i, motion%dense(:, i), error(i))
       z_end(i) = step%end(i)
-      error(i) = abs(step%correction(i))
-      if (error(i) <= rounding*sum(abs(motion%dense(1:2, i)))) error(i) = 0
     end do
   end subroutine rk4_step
+
+  !> Dense output of one coordinate, and the estimate of its error.
+  pure subroutine read_step(step, h, begin, i, dense, error)
+    type(step_t), intent(in) :: step              !! the stages' results
+    real(wp), intent(in) :: h                     !! step
+    real(wp), intent(in) :: begin                 !! coordinate at s = 0
+    integer, intent(in) :: i                      !! which
+    real(wp), intent(out) :: dense(0:5)           !! as a polynomial
+    real(wp), intent(out) :: error                !! its estimated error
+    real(wp) :: slope, slope_end
+    slope = h*step%rate_begin(i)
+    slope_end = h*step%rate_end(i)
+    call interpolate(begin, step%middle(i), step%end(i), slope, h*step%rate_middle(i), slope_end, &
+        dense)
+    error = abs(step%correction(i))
+    if (error <= rounding*(abs(slope) + abs(slope_end))) error = 0
+  end subroutine read_step
 
   !> Where a step of length h ends, and nothing else.
   subroutine rk4_move(system, frame, motion_state, h, z, z_end)

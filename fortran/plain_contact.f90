@@ -1,0 +1,65 @@
+!> A step in contact as most are: accepted at once, and nowhere near the flank's surface. It does what
+!> `lapwing_automaton` does, to the same bit, with everything about the oscillator known; whatever is
+!> special it leaves untouched to the automaton.
+module lapwing_plain_contact
+  use lapwing_kinds, only: wp
+  use lapwing_automaton, only: end_of_step
+  use lapwing_codes, only: separation, drive_flank
+  use lapwing_event_search, only: work_t
+  use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
+  use lapwing_oscillator, only: oscillator_t, open_contact_frame
+  use lapwing_rk4, only: read_step
+  use lapwing_step_control, only: error_ratio, after_accepted
+  use lapwing_system, only: step_t
+  implicit none
+  private
+  public :: step_in_contact
+
+contains
+
+  !> One step in contact, if it is a plain one; otherwise the state is as it was.
+  subroutine step_in_contact(self, numerics, state, segment, work, done)
+    type(oscillator_t), intent(in) :: self          !! what moves
+    type(numerics_t), intent(in) :: numerics        !! tolerance
+    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(segment_t), intent(inout) :: segment       !! what happened
+    type(work_t), intent(inout) :: work             !! counts
+    logical, intent(out) :: done                    !! whether it was
+    type(step_t) :: step
+    real(wp) :: h, error(2), ratio
+    logical :: cut_short
+    integer :: i
+    done = .false.
+    associate (instant => state%instant, motion => segment%motion)
+      if (instant%motion_state == separation .or. self%rigid .or. .not. self%alike) return
+      if (instant%touching /= instant%motion_state) then
+        if (.not. merge(instant%y(1), -instant%y(1), instant%motion_state == drive_flank) > 0) &
+            return
+      end if
+      call open_contact_frame(self, instant, segment%frame)
+      associate (memory => state%memory(instant%motion_state))
+        h = min(memory%step, segment%frame%stop)
+        cut_short = h < memory%step
+        call self%stages(segment%frame, instant%motion_state, h, instant%y, .true., step)
+        motion%h = h
+        do i = 1, 2
+          call read_step(step, h, instant%y(i), i, motion%dense(:, i), error(i))
+        end do
+        ratio = error_ratio(error, [self%angle_scale, self%angle_scale], numerics%tolerance)
+        if (.not. ratio <= 1) return
+        segment%motion_state = instant%motion_state
+        segment%cycle = instant%cycle
+        segment%t = instant%t
+        call self%stay(segment%frame, motion, step%end, instant, done)
+        if (.not. done) return
+        call after_accepted(memory, h, ratio, cut_short)
+      end associate
+    end associate
+    work%steps = work%steps + 1
+    segment%stepped = .true.
+    segment%closed = .false.
+    segment%n_events = 0
+    segment%cycle_completed = .false.
+    call end_of_step(self, state, segment)
+  end subroutine step_in_contact
+end module lapwing_plain_contact
