@@ -12,7 +12,7 @@ module lapwing_oscillator
   use lapwing_polynomial, only: max_degree, horner, horner_slope, value_and_slope, taylor_shift, &
       never_below
   use lapwing_system, only: system_t, instant_t, frame_t, motion_t, step_t, max_states, &
-      dense_degree, richardson, change
+      dense_degree, richardson, sixth, change
   use lapwing_transmission_error, only: te_table_t, te_table, find_jumps, locate_piece, piece_at, &
       expand_at, flank_motion_at
   implicit none
@@ -343,16 +343,8 @@ contains
     rate(1) = z(2)
     rate(2) = self%force
     if (motion_state == separation) return
-    rate(2) = in_contact(self, drive(self, frame, motion_state, s), z(1), z(2))
+    rate(2) = (drive(self, frame, motion_state, s) - z(1)) - self%damping*z(2)
   end subroutine derivatives
-
-  !> theta'' in contact. What comes last is what the stages wait for.
-  pure real(wp) function in_contact(self, drive, theta, theta_dot)
-    class(oscillator_t), intent(in) :: self
-    real(wp), intent(in) :: drive                !! see `drive`
-    real(wp), intent(in) :: theta, theta_dot     !! position and velocity in the frame
-    in_contact = (drive - theta) - self%damping*theta_dot
-  end function in_contact
 
   !> What drives the damped spring in contact: the force, and the flank's motion in the frame.
   pure real(wp) function drive(self, frame, flank, s)
@@ -410,7 +402,7 @@ contains
     slope = slope - frame%origin_rate
   end subroutine flank_in_frame
 
-  !> The stages with derivatives in place: in contact the same text as `stages_by_dispatch`.
+  !> The stages of `stages_by_dispatch` written out for a parabola and for a damped spring.
   subroutine stages(self, frame, motion_state, h, z, dense, step)
     class(oscillator_t), intent(in) :: self
     type(frame_t), intent(in) :: frame             !! frame as opened
@@ -419,36 +411,64 @@ contains
     real(wp), intent(in) :: z(max_states)          !! local coordinates at s = 0
     logical, intent(in) :: dense                   !! whether the rate at the end is wanted
     type(step_t), intent(inout) :: step            !! the result
-    integer, parameter :: n = 2
-    real(wp) :: driven(0:4)   ! by what, at the five times that all stages share
+    real(wp) :: driven(4)   ! by what, at the quarters of the step
     integer :: i
     if (motion_state == separation) then
       call fly(self%force, h, z, step)
-    else
-      driven(0) = self%force
-      if (h <= frame%piece_end .and. (motion_state == drive_flank .or. self%coast_moves)) then
-        call drive_on_piece(self, frame, h, driven(1:4))
-      else
-        do i = 1, 4
-          driven(i) = drive(self, frame, motion_state, i*(0.25_wp*h))
-        end do
-      end if
-      call take_stages()
+      return
     end if
-  contains
-    subroutine take_stages()
-      include 'rk4_stages.inc'
-    end subroutine take_stages
-
-    subroutine rate_of_change(quarter, s, at, rate)
-      integer, intent(in) :: quarter    !! quarters of the step before s
-      real(wp), intent(in) :: s         !! time since the frame was opened: not needed here
-      real(wp), intent(in) :: at(n)     !! local coordinates
-      real(wp), intent(out) :: rate(n)  !! their rates
-      rate(1) = at(2)
-      rate(2) = in_contact(self, driven(quarter), at(1), at(2))
-    end subroutine rate_of_change
+    if (h <= frame%piece_end .and. (motion_state == drive_flank .or. self%coast_moves)) then
+      call drive_on_piece(self, frame, h, driven)
+    else
+      do i = 1, 4
+        driven(i) = drive(self, frame, motion_state, i*(0.25_wp*h))
+      end do
+    end if
+    call spring_stages(self%damping, self%force, driven, h, z(1:2), step)
   end subroutine stages
+
+  !> Two classical steps of the damped spring and one over both, extrapolated.
+  pure subroutine spring_stages(damping, force, driven, h, z, step)
+    real(wp), intent(in) :: damping          !! 2 xi
+    real(wp), intent(in) :: force            !! what drives it at s = 0
+    real(wp), intent(in) :: driven(4)        !! and at the quarters of the step
+    real(wp), intent(in) :: h                !! step
+    real(wp), intent(in) :: z(2)             !! position and velocity at s = 0
+    type(step_t), intent(inout) :: step      !! the result
+    real(wp), dimension(2) :: middle, fine, coarse
+    real(wp) :: begin, turn
+    begin = (force - z(1)) - damping*z(2)
+    call spring_step(damping, driven(1), driven(2), 0.5_wp*h, z, begin, middle)
+    call spring_step(damping, driven(2), driven(4), h, z, begin, coarse)
+    turn = (driven(2) - middle(1)) - damping*middle(2)
+    call spring_step(damping, driven(3), driven(4), 0.5_wp*h, middle, turn, fine)
+    step%correction(1:2) = richardson*(fine - coarse)
+    step%middle(1:2) = middle + 0.5_wp*step%correction(1:2)
+    step%end(1:2) = fine + step%correction(1:2)
+    step%rate_begin(1:2) = [z(2), begin]
+    step%rate_middle(1:2) = [middle(2), turn]
+    step%rate_end(1:2) = [step%end(2), (driven(4) - step%end(1)) - damping*step%end(2)]
+  end subroutine spring_stages
+
+  !> One classical step of x'' = D(s) - x - 2 xi x' in its four accelerations. Each stage waits for
+  !> the one before by a product and a difference only: stages are most of what a step takes.
+  pure subroutine spring_step(damping, half_way, at_end, h, z, a1, z_end)
+    real(wp), intent(in) :: damping              !! 2 xi
+    real(wp), intent(in) :: half_way, at_end     !! D at h/2 and h
+    real(wp), intent(in) :: h                    !! step
+    real(wp), intent(in) :: z(2)                 !! position and velocity at s = 0
+    real(wp), intent(in) :: a1                   !! acceleration there
+    real(wp), intent(out) :: z_end(2)            !! position and velocity at s = h
+    real(wp) :: half, rest, a2, a3, a4
+    half = 0.5_wp*h
+    rest = (half_way - damping*z(2)) - (z(1) + half*z(2))
+    a2 = rest - (damping*half)*a1
+    a3 = (rest - half**2*a1) - (damping*half)*a2
+    rest = (at_end - damping*z(2)) - (z(1) + h*z(2))
+    a4 = (rest - (h*half)*a2) - (damping*h)*a3
+    z_end(1) = z(1) + (h*(z(2) + half*a1) + (h**2*sixth)*((a2 - a1) + (a3 - a1)))
+    z_end(2) = z(2) + change(h, a1, a2, a3, a4)
+  end subroutine spring_step
 
   !> What the stages give under a constant force, where the formula is exact.
   pure subroutine fly(force, h, z, step)

@@ -11,7 +11,7 @@ module lapwing_system
   implicit none
   private
   public :: max_states, dense_degree
-  public :: instant_t, frame_t, motion_t, step_t, reached_t, system_t, richardson, change, &
+  public :: instant_t, frame_t, motion_t, step_t, reached_t, system_t, richardson, sixth, change, &
       stages_by_dispatch
 
   integer, parameter :: max_states = 8            !! largest number of state variables
@@ -250,7 +250,7 @@ contains
   end function change
 
   !> The stages of one step, each derivative through the system's own procedure.
-  !> A system may override this with the same text around derivatives the compiler can inline.
+  !> A system may override this with the same stages written out.
   subroutine stages_by_dispatch(self, frame, motion_state, h, z, dense, step)
     class(system_t), intent(in) :: self
     type(frame_t), intent(in) :: frame             !! frame as opened
@@ -259,20 +259,33 @@ contains
     real(wp), intent(in) :: z(max_states)          !! local coordinates at s = 0
     logical, intent(in) :: dense                   !! whether the rate at the end is wanted
     type(step_t), intent(inout) :: step            !! the result
-    call take_stages(self%n_states)
-  contains
-    subroutine take_stages(n)
-      integer, intent(in) :: n   !! state variables in use
-      include 'rk4_stages.inc'
-    end subroutine take_stages
-
-    subroutine rate_of_change(quarter, s, at, rate)
-      integer, intent(in) :: quarter     !! quarters of the step before s: not needed here
-      real(wp), intent(in) :: s          !! time since the frame was opened
-      real(wp), intent(in) :: at(:)      !! local coordinates
-      real(wp), intent(out) :: rate(:)   !! their rates
-      call self%derivatives(frame, motion_state, s, at, rate)
-    end subroutine rate_of_change
+    real(wp), dimension(self%n_states) :: k2, k3, k4, middle, fine, coarse
+    real(wp) :: half, quarter
+    integer :: n
+    half = 0.5_wp*h
+    quarter = 0.25_wp*h
+    n = self%n_states
+    associate (z0 => z(1:n), k1 => step%rate_begin(1:n), k5 => step%rate_middle(1:n))
+      call self%derivatives(frame, motion_state, 0.0_wp, z0, k1)
+      call self%derivatives(frame, motion_state, quarter, z0 + quarter*k1, k2)
+      call self%derivatives(frame, motion_state, quarter, z0 + quarter*k2, k3)
+      call self%derivatives(frame, motion_state, half, z0 + half*k3, k4)
+      middle = z0 + change(half, k1, k2, k3, k4)
+      call self%derivatives(frame, motion_state, half, middle, k5)
+      call self%derivatives(frame, motion_state, half + quarter, middle + quarter*k5, k2)
+      call self%derivatives(frame, motion_state, half + quarter, middle + quarter*k2, k3)
+      call self%derivatives(frame, motion_state, h, middle + half*k3, k4)
+      fine = middle + change(half, k5, k2, k3, k4)
+      call self%derivatives(frame, motion_state, half, z0 + half*k1, k2)
+      call self%derivatives(frame, motion_state, half, z0 + half*k2, k3)
+      call self%derivatives(frame, motion_state, h, z0 + h*k3, k4)
+      coarse = z0 + change(h, k1, k2, k3, k4)
+      step%correction(1:n) = richardson*(fine - coarse)
+      step%middle(1:n) = middle + 0.5_wp*step%correction(1:n)
+      step%end(1:n) = fine + step%correction(1:n)
+      if (dense) &
+          call self%derivatives(frame, motion_state, h, step%end(1:n), step%rate_end(1:n))
+    end associate
   end subroutine stages_by_dispatch
 
   !> A step in contact that certainly stays inside the flank: the state at its end, without a look
