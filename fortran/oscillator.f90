@@ -8,16 +8,19 @@ module lapwing_oscillator
   use lapwing_kinds, only: wp
   use lapwing_codes, only: separation, drive_flank, coast_flank, law_compliant, law_rigid, &
       law_absolute, gap_symmetric, gap_one_flank
+  use lapwing_clearance, only: stays_inside, no_sooner
+  use lapwing_flank_frames, only: open_folded, fill_in, move_to, flank_in_frame, flank_over_step
   use lapwing_parameters, only: parameters_t, natural_angle, felt_jump
-  use lapwing_polynomial, only: max_degree, horner, horner_slope, value_and_slope, taylor_shift, &
-      never_below
+  use lapwing_polynomial, only: max_degree, horner, horner_slope, taylor_shift
+  use lapwing_spring_stages, only: spring_stages, flight_stages
   use lapwing_system, only: system_t, instant_t, frame_t, motion_t, step_t, max_states, &
-      dense_degree, richardson, sixth, change
-  use lapwing_transmission_error, only: te_table_t, te_table, find_jumps, locate_piece, piece_at, &
+      dense_degree
+  use lapwing_transmission_error, only: te_table_t, te_table, find_jumps, locate_piece, &
       expand_at, flank_motion_at
   implicit none
   private
-  public :: oscillator_t, oscillator, open_table_frame, open_contact_frame, frame_about, impact_law
+  public :: oscillator_t, oscillator, open_table_frame, frame_about, impact_law
+  public :: drive_over_step
 
   type, extends(system_t) :: oscillator_t
     type(te_table_t) :: table             !! g over one mesh period
@@ -90,40 +93,16 @@ contains
     if (instant%motion_state == separation .or. self%rigid .or. .not. self%alike) then
       call open_table_frame(self, instant, frame, z)
     else
-      call open_contact_frame(self, instant, frame)
+      call open_folded(self%table, instant, frame)
       z = instant%y
     end if
   end subroutine open_step_frame
-
-  !> The frame of a step in contact, its flanks left for `unfold`.
-  pure subroutine open_contact_frame(self, instant, frame)
-    class(oscillator_t), intent(in) :: self
-    type(instant_t), intent(in) :: instant       !! where the step begins
-    type(frame_t), intent(inout) :: frame        !! its frame
-    associate (table => self%table, t => instant%t)
-      frame%folded = .true.
-      frame%chart = instant%chart
-      frame%t = t
-      frame%piece = piece_at(table, t)
-      frame%piece_begin = 0
-      frame%piece_end = table%knot(frame%piece + 1) - t
-      frame%stop_knot = table%next_felt(frame%piece)
-      frame%stop = table%knot(frame%stop_knot) - t
-      call value_and_slope(table%coefficient(:, frame%piece), t - table%knot(frame%piece), &
-          frame%origin, frame%origin_rate)
-    end associate
-  end subroutine open_contact_frame
 
   !> Fill in the flanks of a frame that was opened without them.
   pure subroutine unfold(self, frame)
     class(oscillator_t), intent(in) :: self
     type(frame_t), intent(inout) :: frame        !! frame as opened
-    real(wp) :: g(0:max_degree)
-    if (.not. frame%folded) return
-    call expand_at(self%table, frame%piece, frame%t, g)
-    g(0:1) = 0
-    call set_flanks(self, g, frame)
-    frame%folded = .false.
+    if (frame%folded) call fill_in(self%table, self%width, frame)
   end subroutine unfold
 
   !> Open the Galilean frame of the flank last touched.
@@ -207,31 +186,21 @@ contains
     end do
   end subroutine next_piece
 
-  !> A step in contact that certainly stays inside, if the flank pushes as much as it can anywhere,
-  !> by s**2/2 max(g'').
+  !> A step in contact that certainly stays inside the flank, to its end.
   pure subroutine stay(self, frame, motion, z_end, instant, stays)
     class(oscillator_t), intent(in) :: self
     type(frame_t), intent(in) :: frame           !! frame as opened
     type(motion_t), intent(in) :: motion         !! step as a polynomial
     real(wp), intent(in) :: z_end(max_states)    !! local coordinates at its end
-    type(instant_t), intent(inout) :: instant    !! its beginning; if it stays, piece and y move on
+    type(instant_t), intent(inout) :: instant    !! its beginning; if it stays, y is its end's
     logical, intent(out) :: stays                !! whether it does
-    real(wp) :: push, least, position, slope
+    real(wp) :: position, slope
     stays = .false.
     if (.not. self%alike) return
-    associate (z => motion%dense(:, 1), flank => instant%motion_state)
-      push = 0.5_wp*motion%h**2*max(0.0_wp, self%table%push(flank))
-      if (flank == drive_flank) then
-        least = never_below([z(2), z(3) - push, z(4), z(5), z(6), 0.0_wp])
-        if (instant%touching /= flank) least = z(1) + min(0.0_wp, least)
-      else
-        least = never_below([-z(2), -z(3) - push, -z(4), -z(5), -z(6), 0.0_wp])
-        if (instant%touching /= flank) least = min(0.0_wp, least) - z(1)
-      end if
-    end associate
-    stays = least > 0
+    stays = stays_inside(self%table%push(instant%motion_state), instant%motion_state, &
+        instant%touching, motion)
     if (.not. stays) return
-    call flank_in_frame(self, frame, frame%chart, motion%h, instant%piece, position, slope)
+    call flank_in_frame(self%table, frame, motion%h, position, slope)
     instant%y(1:2) = [z_end(1) - position, z_end(2) - slope]
   end subroutine stay
 
@@ -251,7 +220,7 @@ contains
       s = s + time_of_grace(self, frame, touching, motion, s)
       clear = s >= motion%h
       if (.not. clear .and. s <= frame%piece_end) return
-      call move_to(self, frame, min(s, motion%h))
+      call move_to(self%table, self%width, min(s, motion%h), frame)
       if (clear) return
       touching = 0
     end do
@@ -281,57 +250,6 @@ contains
     time_of_grace = caution*time_of_grace
   end function time_of_grace
 
-  !> Earliest time at which a distance with second derivative -pull or more can vanish.
-  pure real(wp) function no_sooner(distance, approach, pull)
-    real(wp), intent(in) :: distance   !! distance
-    real(wp), intent(in) :: approach   !! minus its first derivative
-    real(wp), intent(in) :: pull       !! minus its least second derivative
-    real(wp) :: square
-    no_sooner = 0
-    if (distance < 0 .or. (.not. distance > 0 .and. approach >= 0)) return
-    no_sooner = huge(distance)
-    square = approach**2 + 2*pull*distance
-    if (square < 0) return
-    if (approach > 0) then
-      no_sooner = 2*distance/(approach + sqrt(square))
-    else if (pull > 0) then
-      no_sooner = (sqrt(square) - approach)/pull
-    end if
-  end function no_sooner
-
-  !> Move a frame on to the piece that holds s, before the stop. Not for flanks of which one stands.
-  pure subroutine move_to(self, frame, s)
-    class(oscillator_t), intent(in) :: self
-    type(frame_t), intent(inout) :: frame        !! frame, moved on
-    real(wp), intent(in) :: s                    !! time since it was opened
-    real(wp) :: g(0:max_degree)
-    integer :: piece
-    if (s <= frame%piece_end) return
-    piece = min(piece_at(self%table, frame%t + s), frame%stop_knot - 1)
-    if (piece <= frame%piece) return
-    frame%piece = piece
-    frame%piece_begin = self%table%knot(piece) - frame%t
-    frame%piece_end = self%table%knot(piece + 1) - frame%t
-    g = self%table%coefficient(:, piece)
-    g(0) = g(0) - frame%origin - frame%origin_rate*frame%piece_begin
-    g(1) = g(1) - frame%origin_rate
-    call set_flanks(self, g, frame)
-  end subroutine move_to
-
-  !> Flanks that move alike, from the polynomial of the chart's own.
-  pure subroutine set_flanks(self, g, frame)
-    class(oscillator_t), intent(in) :: self
-    real(wp), intent(in) :: g(0:max_degree)      !! flank of the chart
-    type(frame_t), intent(inout) :: frame        !! frame
-    frame%flank(:, drive_flank) = g
-    frame%flank(:, coast_flank) = g
-    if (frame%chart == drive_flank) then
-      frame%flank(0, coast_flank) = g(0) - self%width
-    else
-      frame%flank(0, drive_flank) = g(0) + self%width
-    end if
-  end subroutine set_flanks
-
   !> Flight under the constant force, or the damped spring of the flank in contact.
   pure subroutine derivatives(self, frame, motion_state, s, z, rate)
     class(oscillator_t), intent(in) :: self
@@ -343,64 +261,43 @@ contains
     rate(1) = z(2)
     rate(2) = self%force
     if (motion_state == separation) return
-    rate(2) = (drive(self, frame, motion_state, s) - z(1)) - self%damping*z(2)
+    rate(2) = (drive(self, frame, s) - z(1)) - self%damping*z(2)
   end subroutine derivatives
 
-  !> What drives the damped spring in contact: the force, and the flank's motion in the frame.
-  pure real(wp) function drive(self, frame, flank, s)
+  !> What drives the damped spring in contact, at s: the force, and the flank's motion in the frame.
+  pure real(wp) function drive(self, frame, s)
     class(oscillator_t), intent(in) :: self
     type(frame_t), intent(in) :: frame           !! frame as opened
-    integer, intent(in) :: flank                 !! flank in contact
     real(wp), intent(in) :: s                    !! time since the frame was opened
     real(wp) :: position, slope
-    integer :: piece
     drive = self%force
-    if (s <= 0) return
-    call flank_in_frame(self, frame, flank, s, piece, position, slope)
+    if (s <= 0 .or. stands(self, frame)) return
+    call flank_in_frame(self%table, frame, s, position, slope)
     drive = self%force + (position + self%damping*slope)
   end function drive
 
-  !> The same at the four quarters of a step that ends on the piece where it begins.
-  pure subroutine drive_on_piece(self, frame, h, driven)
+  !> The same at the quarters of a step, and where the flank is at its end.
+  pure subroutine drive_over_step(self, frame, h, driven, landing)
     class(oscillator_t), intent(in) :: self
     type(frame_t), intent(in) :: frame           !! frame as opened
     real(wp), intent(in) :: h                    !! step
     real(wp), intent(out) :: driven(4)           !! at its quarters
-    real(wp), dimension(4) :: s, x, position, slope
-    integer :: k
-    associate (c => self%table%coefficient(:, frame%piece))
-      s = [1, 2, 3, 4]*(0.25_wp*h)
-      x = frame%t + s - self%table%knot(frame%piece)
-      position = c(max_degree + 1)
-      slope = 0
-      do k = max_degree, 1, -1
-        slope = slope*x + position
-        position = position*x + c(k)
-      end do
-    end associate
-    position = position - frame%origin - frame%origin_rate*s
-    slope = slope - frame%origin_rate
+    real(wp), intent(out) :: landing(2)          !! flank's position and velocity at s = h
+    real(wp) :: position(4), slope(4)
+    driven = self%force
+    landing = 0
+    if (stands(self, frame)) return
+    call flank_over_step(self%table, frame, h, position, slope)
     driven = self%force + (position + self%damping*slope)
-  end subroutine drive_on_piece
+    landing = [position(4), slope(4)]
+  end subroutine drive_over_step
 
-  !> Position and velocity, in the frame, of the flank of its chart.
-  pure subroutine flank_in_frame(self, frame, flank, s, piece, position, slope)
+  !> Whether the flank of a frame's chart stands still.
+  pure logical function stands(self, frame)
     class(oscillator_t), intent(in) :: self
-    type(frame_t), intent(in) :: frame           !! frame as opened
-    integer, intent(in) :: flank                 !! the flank
-    real(wp), intent(in) :: s                    !! time since the frame was opened
-    integer, intent(out) :: piece                !! piece that holds s
-    real(wp), intent(out) :: position, slope     !! in the frame
-    ! What ends the step, at the last stage, has not happened yet.
-    piece = min(piece_at(self%table, frame%t + s), frame%stop_knot - 1)
-    position = 0
-    slope = 0
-    if (flank == coast_flank .and. .not. self%coast_moves) return
-    call value_and_slope(self%table%coefficient(:, piece), frame%t + s - self%table%knot(piece), &
-        position, slope)
-    position = position - frame%origin - frame%origin_rate*s
-    slope = slope - frame%origin_rate
-  end subroutine flank_in_frame
+    type(frame_t), intent(in) :: frame           !! frame
+    stands = frame%chart == coast_flank .and. .not. self%coast_moves
+  end function stands
 
   !> The stages of `stages_by_dispatch` written out for a parabola and for a damped spring.
   subroutine stages(self, frame, motion_state, h, z, dense, step)
@@ -411,82 +308,14 @@ contains
     real(wp), intent(in) :: z(max_states)          !! local coordinates at s = 0
     logical, intent(in) :: dense                   !! whether the rate at the end is wanted
     type(step_t), intent(inout) :: step            !! the result
-    real(wp) :: driven(4)   ! by what, at the quarters of the step
-    integer :: i
+    real(wp) :: driven(4), landing(2)
     if (motion_state == separation) then
-      call fly(self%force, h, z, step)
-      return
-    end if
-    if (h <= frame%piece_end .and. (motion_state == drive_flank .or. self%coast_moves)) then
-      call drive_on_piece(self, frame, h, driven)
+      call flight_stages(self%force, h, z, step)
     else
-      do i = 1, 4
-        driven(i) = drive(self, frame, motion_state, i*(0.25_wp*h))
-      end do
+      call drive_over_step(self, frame, h, driven, landing)
+      call spring_stages(self%damping, self%force, driven, h, z(1:2), step)
     end if
-    call spring_stages(self%damping, self%force, driven, h, z(1:2), step)
   end subroutine stages
-
-  !> Two classical steps of the damped spring and one over both, extrapolated.
-  pure subroutine spring_stages(damping, force, driven, h, z, step)
-    real(wp), intent(in) :: damping          !! 2 xi
-    real(wp), intent(in) :: force            !! what drives it at s = 0
-    real(wp), intent(in) :: driven(4)        !! and at the quarters of the step
-    real(wp), intent(in) :: h                !! step
-    real(wp), intent(in) :: z(2)             !! position and velocity at s = 0
-    type(step_t), intent(inout) :: step      !! the result
-    real(wp), dimension(2) :: middle, fine, coarse
-    real(wp) :: begin, turn
-    begin = (force - z(1)) - damping*z(2)
-    call spring_step(damping, driven(1), driven(2), 0.5_wp*h, z, begin, middle)
-    call spring_step(damping, driven(2), driven(4), h, z, begin, coarse)
-    turn = (driven(2) - middle(1)) - damping*middle(2)
-    call spring_step(damping, driven(3), driven(4), 0.5_wp*h, middle, turn, fine)
-    step%correction(1:2) = richardson*(fine - coarse)
-    step%middle(1:2) = middle + 0.5_wp*step%correction(1:2)
-    step%end(1:2) = fine + step%correction(1:2)
-    step%rate_begin(1:2) = [z(2), begin]
-    step%rate_middle(1:2) = [middle(2), turn]
-    step%rate_end(1:2) = [step%end(2), (driven(4) - step%end(1)) - damping*step%end(2)]
-  end subroutine spring_stages
-
-  !> One classical step of x'' = D(s) - x - 2 xi x' in its four accelerations. Each stage waits for
-  !> the one before by a product and a difference only: stages are most of what a step takes.
-  pure subroutine spring_step(damping, half_way, at_end, h, z, a1, z_end)
-    real(wp), intent(in) :: damping              !! 2 xi
-    real(wp), intent(in) :: half_way, at_end     !! D at h/2 and h
-    real(wp), intent(in) :: h                    !! step
-    real(wp), intent(in) :: z(2)                 !! position and velocity at s = 0
-    real(wp), intent(in) :: a1                   !! acceleration there
-    real(wp), intent(out) :: z_end(2)            !! position and velocity at s = h
-    real(wp) :: half, rest, a2, a3, a4
-    half = 0.5_wp*h
-    rest = (half_way - damping*z(2)) - (z(1) + half*z(2))
-    a2 = rest - (damping*half)*a1
-    a3 = (rest - half**2*a1) - (damping*half)*a2
-    rest = (at_end - damping*z(2)) - (z(1) + h*z(2))
-    a4 = (rest - (h*half)*a2) - (damping*h)*a3
-    z_end(1) = z(1) + (h*(z(2) + half*a1) + (h**2*sixth)*((a2 - a1) + (a3 - a1)))
-    z_end(2) = z(2) + change(h, a1, a2, a3, a4)
-  end subroutine spring_step
-
-  !> What the stages give under a constant force, where the formula is exact.
-  pure subroutine fly(force, h, z, step)
-    real(wp), intent(in) :: force            !! theta''
-    real(wp), intent(in) :: h                !! step
-    real(wp), intent(in) :: z(:)             !! position and velocity at s = 0
-    type(step_t), intent(inout) :: step      !! the result
-    real(wp) :: half
-    half = 0.5_wp*h
-    step%middle(1) = z(1) + half*(z(2) + 0.5_wp*half*force)
-    step%middle(2) = z(2) + half*force
-    step%end(1) = z(1) + h*(z(2) + half*force)
-    step%end(2) = z(2) + h*force
-    step%correction(1:2) = 0
-    step%rate_begin(1:2) = [z(2), force]
-    step%rate_middle(1:2) = [step%middle(2), force]
-    step%rate_end(1:2) = [step%end(2), force]
-  end subroutine fly
 
   !> Distance to a flank over the frame's piece.
   pure subroutine gap(self, frame, flank, motion, c)

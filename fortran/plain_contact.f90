@@ -4,11 +4,14 @@
 module lapwing_plain_contact
   use lapwing_kinds, only: wp
   use lapwing_automaton, only: end_of_step
+  use lapwing_clearance, only: stays_inside
   use lapwing_codes, only: separation, drive_flank
   use lapwing_event_search, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
-  use lapwing_oscillator, only: oscillator_t, open_contact_frame
+  use lapwing_flank_frames, only: open_folded
+  use lapwing_oscillator, only: oscillator_t, drive_over_step
   use lapwing_rk4, only: read_step
+  use lapwing_spring_stages, only: spring_stages
   use lapwing_step_control, only: error_ratio, after_accepted
   use lapwing_system, only: step_t
   implicit none
@@ -26,7 +29,7 @@ contains
     type(work_t), intent(inout) :: work             !! counts
     logical, intent(out) :: done                    !! whether it was
     type(step_t) :: step
-    real(wp) :: h, error(2), ratio
+    real(wp) :: driven(4), landing(2), error(2), h, ratio
     logical :: cut_short
     integer :: i
     done = .false.
@@ -36,22 +39,25 @@ contains
         if (.not. merge(instant%y(1), -instant%y(1), instant%motion_state == drive_flank) > 0) &
             return
       end if
-      call open_contact_frame(self, instant, segment%frame)
+      call open_folded(self%table, instant, segment%frame)
       associate (memory => state%memory(instant%motion_state))
         h = min(memory%step, segment%frame%stop)
         cut_short = h < memory%step
-        call self%stages(segment%frame, instant%motion_state, h, instant%y, .true., step)
+        call drive_over_step(self, segment%frame, h, driven, landing)
+        call spring_stages(self%damping, self%force, driven, h, instant%y(1:2), step)
         motion%h = h
         do i = 1, 2
           call read_step(step, h, instant%y(i), i, motion%dense(:, i), error(i))
         end do
         ratio = error_ratio(error, [self%angle_scale, self%angle_scale], numerics%tolerance)
         if (.not. ratio <= 1) return
+        done = stays_inside(self%table%push(instant%motion_state), instant%motion_state, &
+            instant%touching, motion)
+        if (.not. done) return
         segment%motion_state = instant%motion_state
         segment%cycle = instant%cycle
         segment%t = instant%t
-        call self%stay(segment%frame, motion, step%end, instant, done)
-        if (.not. done) return
+        instant%y(1:2) = step%end(1:2) - landing
         call after_accepted(memory, h, ratio, cut_short)
       end associate
     end associate

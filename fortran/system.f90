@@ -47,14 +47,14 @@ module lapwing_system
     real(wp) :: flank(0:max_degree, 2) = 0       !! flank positions about s = piece_begin
   end type frame_t
 
-  !> What the stages of a step give.
+  !> What the stages of a step give. Nothing is set beforehand: a step is too short for that.
   type :: step_t
-    real(wp) :: middle(max_states) = 0        !! local coordinates at s = h/2
-    real(wp) :: end(max_states) = 0           !! and at s = h
-    real(wp) :: correction(max_states) = 0    !! extrapolation at s = h: the error without it
-    real(wp) :: rate_begin(max_states) = 0    !! derivatives at s = 0
-    real(wp) :: rate_middle(max_states) = 0   !! at s = h/2
-    real(wp) :: rate_end(max_states) = 0      !! at s = h, where dense output is wanted
+    real(wp) :: middle(max_states)        !! local coordinates at s = h/2
+    real(wp) :: end(max_states)           !! and at s = h
+    real(wp) :: correction(max_states)    !! extrapolation at s = h: the error without it
+    real(wp) :: rate_begin(max_states)    !! derivatives at s = 0
+    real(wp) :: rate_middle(max_states)   !! at s = h/2
+    real(wp) :: rate_end(max_states)      !! at s = h, where dense output is wanted
   end type step_t
 
   !> One accepted step as a polynomial: z(s) = sum_k dense(k,:) (s/h)**k.
@@ -295,7 +295,7 @@ contains
     type(frame_t), intent(in) :: frame           !! frame as opened
     type(motion_t), intent(in) :: motion         !! step as a polynomial
     real(wp), intent(in) :: z_end(max_states)    !! local coordinates at its end
-    type(instant_t), intent(inout) :: instant    !! its beginning; if it stays, piece and y move on
+    type(instant_t), intent(inout) :: instant    !! its beginning; if it stays, y is its end's
     logical, intent(out) :: stays                !! whether it does
     stays = .false.
   end subroutine stay

@@ -177,15 +177,16 @@ contains
     call tally%is_true(same_bytes(z_end(1:2), z_move(1:2)), "rk4_move ends as rk4_step")
   end subroutine test_move_is_step
 
-  !> `stages_by_dispatch` and the gear's own text: the same bytes in contact, in steps inside a piece
-  !> and over several; in flight the same to rounding, which sums of weights up to 52 carry on.
+  !> `stages_by_dispatch` and the gear's own stages: the same to rounding in every motion state, in
+  !> steps inside a piece and over several.
   subroutine test_dispatch()
     type(oscillator_t) :: gear
     type(dispatched_t) :: slow
     type(instant_t) :: instant
     type(frame_t) :: frame
     type(motion_t) :: fast_motion, slow_motion
-    real(wp) :: z(max_states), fast(max_states), by_dispatch(max_states), error(max_states)
+    real(wp) :: z(max_states), fast(max_states), by_dispatch(max_states)
+    real(wp) :: fast_error(max_states), error(max_states)
     real(wp) :: phi
     integer :: i, motion_state
     gear = some_gear()
@@ -196,19 +197,16 @@ contains
           motion_state == back_engagement)
       instant = start_from(gear, 0.01_wp*i, motion_state, phi, 0.01_wp*i)
       call gear%open_frame(instant, frame, z)
-      call rk4_step(gear, frame, motion_state, 0.9_wp*frame%stop, z, fast_motion, fast, error)
+      call rk4_step(gear, frame, motion_state, 0.9_wp*frame%stop, z, fast_motion, fast, fast_error)
       call rk4_step(slow, frame, motion_state, 0.9_wp*frame%stop, z, slow_motion, by_dispatch, &
           error)
-      if (motion_state == separation) then
-        ! The gear knows that its flights are parabolas.
-        call tally%below(maxval(abs(fast_motion%dense - slow_motion%dense)), 200*epsilon(phi), &
-            "flight: dense output")
-        call tally%below(maxval(abs(fast(1:2) - by_dispatch(1:2))), 20*epsilon(phi), &
-            "flight: end of step")
-        cycle
-      end if
-      call tally%is_true(same_bytes(fast(1:2), by_dispatch(1:2)), "dispatch: end of step")
-      call tally%is_true(all(fast_motion%dense == slow_motion%dense), "dispatch: dense output")
+      ! Coordinates and rates stay below 4, weights of the dense output below 52.
+      call tally%below(maxval(abs(fast_motion%dense - slow_motion%dense)), 1000*epsilon(phi), &
+          "dispatch: dense output")
+      call tally%below(maxval(abs(fast(1:2) - by_dispatch(1:2))), 40*epsilon(phi), &
+          "dispatch: end of step")
+      call tally%below(maxval(abs(fast_error(1:2) - error(1:2))), 40*epsilon(phi), &
+          "dispatch: error")
     end do
   end subroutine test_dispatch
 
