@@ -12,7 +12,7 @@ module lapwing_automaton
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_polynomial, only: max_degree, first_descent
   use lapwing_rk4, only: rk4_step, rk4_move
-  use lapwing_step_control, only: step_memory_t, error_ratio, after_accepted, after_rejected
+  use lapwing_step_control, only: step_memory_t, step_to_try, error_ratio, after_accepted, after_rejected
   use lapwing_system, only: system_t, frame_t, reached_t, max_states
   implicit none
   private
@@ -289,8 +289,9 @@ contains
     status = status_ok
     call system%scales(segment%motion_state, scale)
     associate (memory => state%memory(segment%motion_state))
-      h = min(memory%step, segment%frame%stop)
-      cut_short = h < memory%step
+      h = step_to_try(memory, segment%motion_state /= separation, numerics%tolerance)
+      cut_short = segment%frame%stop < h
+      h = min(h, segment%frame%stop)
       do
         call rk4_step(system, segment%frame, segment%motion_state, h, z, segment%motion, &
             z_end, error)

@@ -12,7 +12,7 @@ module lapwing_plain_contact
   use lapwing_oscillator, only: oscillator_t, drive_over_step
   use lapwing_rk4, only: read_step
   use lapwing_spring_stages, only: spring_stages
-  use lapwing_step_control, only: error_ratio, after_accepted
+  use lapwing_step_control, only: step_to_try, error_ratio, after_accepted
   use lapwing_system, only: step_t
   implicit none
   private
@@ -41,8 +41,9 @@ contains
       end if
       call open_folded(self%table, instant, segment%frame)
       associate (memory => state%memory(instant%motion_state))
-        h = min(memory%step, segment%frame%stop)
-        cut_short = h < memory%step
+        h = step_to_try(memory, .true., numerics%tolerance)
+        cut_short = segment%frame%stop < h
+        h = min(h, segment%frame%stop)
         call drive_over_step(self, segment%frame, h, driven, landing)
         call spring_stages(self%damping, self%force, driven, h, instant%y(1:2), step)
         motion%h = h

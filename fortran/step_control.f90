@@ -8,7 +8,7 @@ module lapwing_step_control
   use lapwing_kinds, only: wp
   implicit none
   private
-  public :: step_memory_t, error_ratio, after_accepted, after_rejected
+  public :: step_memory_t, step_to_try, error_ratio, after_accepted, after_rejected
 
   !> Share of the tolerance that one step may spend. A mesh period in contact takes hundreds of
   !> steps whose errors add up; with this share the error of an event time stays below
@@ -19,17 +19,29 @@ module lapwing_step_control
   real(wp), parameter :: most_shrinkage = 0.1_wp
   !> Error ratios after which a step keeps its length: a new one would differ by some 8 %, and the
   !> next step would have to wait for its roots. The rule tends to 0.9**16 = 0.185.
-  real(wp), parameter :: low_enough = 0.35_wp, high_enough = 0.1_wp
+  real(wp), parameter :: low_enough = 0.25_wp, high_enough = 0.13_wp
   !> Keeps the integral term finite where a step was exact.
   real(wp), parameter :: least_ratio = 1.0e-4_wp
 
   !> What the rule remembers of one motion state.
   type :: step_memory_t
-    real(wp) :: step = huge(1.0_wp)   !! step to try next
+    real(wp) :: step = huge(1.0_wp)   !! step to try next; huge: nothing is known
     real(wp) :: ratio = 1             !! error ratio of the step before
   end type step_memory_t
 
 contains
+
+  !> Step to try next. Where nothing is known a flight tries as far as it may go; a contact, in units
+  !> of its own time, tries what a spring mostly takes.
+  pure real(wp) function step_to_try(memory, in_contact, tolerance)
+    type(step_memory_t), intent(in) :: memory   !! memory of the motion state
+    logical, intent(in) :: in_contact           !! whether that is a contact
+    real(wp), intent(in) :: tolerance           !! relative tolerance of the run
+    step_to_try = memory%step
+    if (in_contact .and. .not. memory%step < huge(memory%step)) then
+      step_to_try = 2*fourth_root(fourth_root(tolerance))**3
+    end if
+  end function step_to_try
 
   !> Largest estimated error in units of the tolerance.
   pure real(wp) function error_ratio(error, scale, tolerance)
