@@ -12,7 +12,8 @@ module lapwing_automaton
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_polynomial, only: max_degree, first_descent
   use lapwing_rk4, only: rk4_step, rk4_move
-  use lapwing_step_control, only: step_memory_t, step_to_try, error_ratio, after_accepted, after_rejected
+  use lapwing_step_control, only: step_memory_t, step_to_try, error_ratio, after_accepted, &
+      after_rejected
   use lapwing_system, only: system_t, frame_t, reached_t, max_states
   implicit none
   private

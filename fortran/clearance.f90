@@ -1,5 +1,5 @@
-!> Bounds that rule an event out for a few operations: a step in contact that stays inside its flank,
-!> a flight that cannot be back yet.
+!> Bounds that rule an event out for a few operations: a step in contact that stays inside its
+!> flank, a flight that cannot be back yet.
 module lapwing_clearance
   use lapwing_kinds, only: wp
   use lapwing_codes, only: drive_flank
@@ -11,8 +11,8 @@ module lapwing_clearance
 
 contains
 
-  !> Whether a step in contact certainly stays inside a flank that pushes as much as it can anywhere:
-  !> by push s**2/2 in its own frame.
+  !> Whether a step in contact certainly stays inside a flank that pushes as much as it can
+  !> anywhere: by push s**2/2 in its own frame.
   pure logical function stays_inside(push, flank, touching, motion)
     real(wp), intent(in) :: push                 !! greatest acceleration of the flank outwards
     integer, intent(in) :: flank                 !! flank in contact

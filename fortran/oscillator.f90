@@ -36,7 +36,8 @@ module lapwing_oscillator
     procedure :: open_frame => open_step_frame
     procedure :: flank_motion, change_force
     procedure :: next_piece, derivatives, gap, contact, commit, pressing
-    procedure :: rebound, sums_chatter, launch, pass_knot, scales, observe, stages, stay, unfold, leap
+    procedure :: rebound, sums_chatter, launch, pass_knot, scales, observe
+    procedure :: stages, stay, unfold, leap
   end type oscillator_t
 
 contains

@@ -7,8 +7,9 @@ module lapwing_polynomial
   use lapwing_kinds, only: wp
   implicit none
   private
-  public :: max_degree, horner, horner_slope, value_and_slope, taylor_shift, bernstein, bernstein_on, upper_bound
-  public :: never_below, first_zero, first_descent, critical_points, lift_off, first_nonzero
+  public :: max_degree, horner, horner_slope, value_and_slope, taylor_shift
+  public :: bernstein, bernstein_on, upper_bound, never_below
+  public :: first_zero, first_descent, critical_points, lift_off, first_nonzero
 
   integer, parameter :: max_degree = 5
   !> Halvings before two roots closer than 2**-48 of the interval are treated as one.
@@ -132,9 +133,10 @@ contains
     real(wp), intent(in), optional :: rough  !! error allowed, over the interval
     real(wp) :: scaled(0:max_degree), b(0:max_degree), allowed
     call scale_to_unit(c, length, scaled)
-    b = bernstein(scaled)
     found = .false.
     x = length
+    if (never_below(scaled) > 0) return
+    b = bernstein(scaled)
     if (minval(b) > 0) return
     ! Not a number: nothing to isolate; whoever moves the state sees it and says so.
     if (.not. abs(sum(b)) <= huge(x)) return

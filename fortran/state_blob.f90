@@ -13,7 +13,7 @@ module lapwing_state_blob
   integer, parameter :: work_size = 9
   !> The counts come first: Python reads them there.
   integer, parameter :: at = work_size
-  integer, parameter :: tangent_size = 13
+  integer, parameter :: tangent_size = 14
   integer, parameter :: tangent_at = at + 36 + max_states
   integer, parameter :: fixed_size = tangent_at + tangent_size
   integer, parameter :: blob_size = fixed_size + max_flights
@@ -120,7 +120,7 @@ contains
     real(wp) :: array(tangent_size)
     array = [tangent%m, real([tangent%exponent, tangent%det_sign, tangent%rank, &
         tangent%impacts], wp), tangent%log_det, tangent%contact_time, tangent%log_rebound, &
-        tangent%graze_depth]
+        tangent%graze_depth, tangent%pending]
   end function pack_tangent
 
   pure function unpack_tangent(array) result(tangent)
@@ -135,5 +135,6 @@ contains
     tangent%contact_time = array(10:11)
     tangent%log_rebound = array(12)
     tangent%graze_depth = array(13)
+    tangent%pending = array(14)
   end function unpack_tangent
 end module lapwing_state_blob

@@ -17,7 +17,7 @@ module lapwing_step_control
   real(wp), parameter :: safety = 0.9_wp
   real(wp), parameter :: most_growth = 5
   real(wp), parameter :: most_shrinkage = 0.1_wp
-  !> Error ratios after which a step keeps its length: a new one would differ by some 8 %, and the
+  !> Error ratios after which a step keeps its length: a new one would differ by 2 %, and the
   !> next step would have to wait for its roots. The rule tends to 0.9**16 = 0.185.
   real(wp), parameter :: low_enough = 0.25_wp, high_enough = 0.13_wp
   !> Keeps the integral term finite where a step was exact.
@@ -31,8 +31,8 @@ module lapwing_step_control
 
 contains
 
-  !> Step to try next. Where nothing is known a flight tries as far as it may go; a contact, in units
-  !> of its own time, tries what a spring mostly takes.
+  !> Step to try next. Where nothing is known a flight tries as far as it may go; a contact, in its
+  !> own unit of time, tries what a spring mostly takes.
   pure real(wp) function step_to_try(memory, in_contact, tolerance)
     type(step_memory_t), intent(in) :: memory   !! memory of the motion state
     logical, intent(in) :: in_contact           !! whether that is a contact
@@ -58,6 +58,8 @@ contains
     real(wp), intent(in) :: ratio                  !! its error ratio, at most 1
     logical, intent(in) :: cut_short               !! whether it was shorter than proposed
     real(wp) :: factor, bounded
+    ! A flight may always go as far as it can.
+    if (cut_short .and. .not. memory%step < huge(h)) return
     if (ratio >= high_enough .and. ratio <= low_enough .and. .not. cut_short) then
       memory%step = h
       memory%ratio = ratio

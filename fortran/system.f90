@@ -19,7 +19,7 @@ module lapwing_system
 
   !> 1/(2**4 - 1): two half steps of a fourth-order formula against the whole one.
   real(wp), parameter :: richardson = 1.0_wp/15
-  !> Products for quotients: the stages wait for each other, and a division takes three times as long.
+  !> Products for quotients: stages wait for each other, and a division takes three times as long.
   real(wp), parameter :: third = 1.0_wp/3, sixth = 1.0_wp/6
 
   !> Where the system is.
@@ -242,7 +242,8 @@ module lapwing_system
 contains
 
   !> Change over a step by the four classical rates, about the first: where the rate is constant it
-  !> is exact, and no rounding of weights adds up over many steps. The last rate has least to wait for.
+  !> is exact, and no rounding of weights adds up over many steps. After the last rate least is left
+  !> to be done.
   pure elemental real(wp) function change(h, k1, k2, k3, k4)
     real(wp), intent(in) :: h                !! step
     real(wp), intent(in) :: k1, k2, k3, k4   !! rates at begin, twice in the middle, at the end
@@ -283,8 +284,9 @@ contains
       step%correction(1:n) = richardson*(fine - coarse)
       step%middle(1:n) = middle + 0.5_wp*step%correction(1:n)
       step%end(1:n) = fine + step%correction(1:n)
-      if (dense) &
-          call self%derivatives(frame, motion_state, h, step%end(1:n), step%rate_end(1:n))
+      if (dense) then
+        call self%derivatives(frame, motion_state, h, step%end(1:n), step%rate_end(1:n))
+      end if
     end associate
   end subroutine stages_by_dispatch
 

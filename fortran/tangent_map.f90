@@ -30,6 +30,8 @@ module lapwing_tangent_map
   !> The matrix is scaled, exactly, when it leaves 2**-256 .. 2**256: far from under- and overflow
   !> also after one more factor.
   integer, parameter :: most_exponent = 256
+  !> Contact that one matrix stands for, in decay times: exp(-128) at its smallest.
+  real(wp), parameter :: most_decay = 64
 
   !> The map since the cycle began, m*2**exponent, and what its determinant must be.
   type :: tangent_t
@@ -39,6 +41,7 @@ module lapwing_tangent_map
     integer :: det_sign = 1                               !! sign of their product
     integer :: rank = 2                                   !! least rank of a factor
     real(wp) :: contact_time(2) = 0                       !! in tau, by flank
+    real(wp) :: pending = 0                               !! time in contact not yet in m
     integer :: impacts = 0                                !! impacts
     real(wp) :: log_rebound = 0                           !! sum of ln|w/v|
     real(wp) :: graze_depth = huge(1.0_wp)                !! least v**2/(2|a|) where a < 0, rad
@@ -70,8 +73,13 @@ contains
       if (system%rigid) then
         call forget(self, 0)
       else
-        self%log_det = self%log_det - 2*contact%xi*segment%length
-        call apply(self, free_matrix(contact, segment%length))
+        ! Once a contact: the steps of one are alike to the bit, and so would be their rounding.
+        self%pending = self%pending + segment%length
+        if (segment%n_events == 0 .and. .not. segment%cycle_completed &
+            .and. contact%xi*self%pending < most_decay) return
+        self%log_det = self%log_det - 2*contact%xi*self%pending
+        call apply(self, free_matrix(contact, self%pending))
+        self%pending = 0
       end if
     else if (sums_chatter(segment)) then
       call end_chatter_summed(self, system, segment, before)
