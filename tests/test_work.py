@@ -63,10 +63,10 @@ def test_samples_are_taken_by_the_history_alone():
 
 
 def test_searches_follow_the_steps():
-    """A flight searches each flank once a step and table piece, a contact its own flank."""
+    """A flight searches each flank at most once a step and table piece, a contact its own flank."""
     osc = oscillator(restitution=1.0, backlash=1.0, period=4.0)
     work = simulate(osc, ("separation", -0.25, 0.0), cycles=100, record=(), method="rk4").work
-    assert work["drive_flank_searches"] == work["steps"]
+    assert 0 < work["drive_flank_searches"] <= work["steps"]
     assert work["coast_flank_searches"] <= work["steps"]
     # Flights are exact at any length: one step from event to event or end of a cycle.
     n = len(kinds(simulate(osc, ("separation", -0.25, 0.0), cycles=100)))

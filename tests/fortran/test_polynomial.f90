@@ -4,8 +4,8 @@ program test_polynomial
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use assertions, only: tally_t
   use lapwing_kinds, only: wp
-  use lapwing_polynomial, only: max_degree, horner, horner_slope, taylor_shift, bernstein, &
-      first_zero, critical_points, lift_off
+  use lapwing_polynomial, only: max_degree, horner, horner_slope, value_and_slope, taylor_shift, &
+      bernstein, never_below, first_zero, critical_points, lift_off
   implicit none
 
   !> Rounding of a degree-five polynomial in Horner's scheme is at most 2*degree units of roundoff
@@ -31,8 +31,14 @@ contains
 
   !> 1 + 2x - 3x**2 + x**5 and what follows from it by hand; small integers, hence exact.
   subroutine test_values()
-    real(wp) :: c(0:5), b(0:5)
+    real(wp) :: c(0:5), b(0:5), value, slope
     c = [1.0_wp, 2.0_wp, -3.0_wp, 0.0_wp, 0.0_wp, 1.0_wp]
+    call value_and_slope(c, 2.0_wp, value, slope)
+    call tally%near(value, 25.0_wp, 0.0_wp, "value with slope")
+    call tally%near(slope, 70.0_wp, 0.0_wp, "slope with value")
+    ! 1 + x (2 + x (-3 + ...)), where -3 + x**3 is not below -3: 2 - 3 = -1, 1 - 1 = 0.
+    call tally%near(never_below(c), 0.0_wp, 0.0_wp, "never below")
+    call tally%near(never_below(-c), -3.0_wp, 0.0_wp, "never below, of the opposite")
     call tally%near(horner(c, 2.0_wp), 25.0_wp, 0.0_wp, "horner")
     call tally%near(horner_slope(c, 2.0_wp), 70.0_wp, 0.0_wp, "horner_slope")
     call tally%near(horner(c(0:0), 2.0_wp), 1.0_wp, 0.0_wp, "horner of a constant")

@@ -9,7 +9,7 @@ module test_systems
   implicit none
   private
   public :: plain_system_t, ball_t, forced_mass_t, two_masses_t, swirl_t, trees_t
-  public :: dispatched_t
+  public :: dispatched_t, thorough_t
 
   !> y(1) and y(2), a position and its rate, are what meets the walls: the drive flank from below,
   !> the coast flank from above. Local coordinates are y itself, a cycle has no knots.
@@ -71,7 +71,22 @@ module test_systems
     procedure :: derivatives => dispatched_rate
   end type dispatched_t
 
+  !> The gear, its flights searched on every piece of the table.
+  type, extends(oscillator_t) :: thorough_t
+  contains
+    procedure :: leap => leap_nowhere
+  end type thorough_t
+
 contains
+
+  pure subroutine leap_nowhere(self, motion, frame, touching, clear)
+    class(thorough_t), intent(in) :: self
+    type(motion_t), intent(in) :: motion
+    type(frame_t), intent(inout) :: frame
+    integer, intent(inout) :: touching
+    logical, intent(out) :: clear
+    clear = .false.
+  end subroutine leap_nowhere
 
   pure subroutine open_frame(self, instant, frame, z)
     class(plain_system_t), intent(in) :: self

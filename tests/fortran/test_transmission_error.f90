@@ -3,7 +3,7 @@ program test_transmission_error
   use assertions, only: tally_t
   use lapwing_kinds, only: wp
   use lapwing_polynomial, only: horner, horner_slope
-  use lapwing_transmission_error, only: te_table_t, te_table, locate_piece, expand_at, &
+  use lapwing_transmission_error, only: te_table_t, te_table, locate_piece, piece_at, expand_at, &
       flank_motion_at
   implicit none
 
@@ -16,6 +16,8 @@ program test_transmission_error
   call test_jumps()
   call test_stops()
   call test_locate()
+  call test_crowded_knots()
+  call test_push()
   call tally%finish()
 
 contains
@@ -122,4 +124,46 @@ contains
       call tally%equal(locate_piece(table, 1.1_wp*period, guess), 3, "beyond the table")
     end do
   end subroutine test_locate
+
+  !> Half of the knots in a thousandth of the period: at, before and after each of them.
+  subroutine test_crowded_knots()
+    integer, parameter :: n = 40
+    type(te_table_t) :: table
+    real(wp) :: crowded(n + 1), c(0:5, n)
+    integer :: i
+    c = 1
+    crowded = [(real(i, wp)/n, i = 0, n)]
+    crowded(n/4:3*n/4) = 0.3_wp + [(1.0e-3_wp*i/n, i = n/4, 3*n/4)]
+    table = te_table(crowded, c, spread(.false., 1, n), 1.0_wp, 0.7_wp, 0.0_wp)
+    do i = 1, n
+      call tally%equal(piece_at(table, table%knot(i)), i, "at a crowded knot")
+      call tally%equal(piece_at(table, nearest(table%knot(i + 1), -1.0_wp)), i, "just before one")
+      call tally%equal(piece_at(table, 0.5_wp*(table%knot(i) + table%knot(i + 1))), i, "between")
+    end do
+    call tally%equal(piece_at(table, 0.7_wp), n, "at the end")
+    call tally%equal(piece_at(table, 0.8_wp), n, "beyond the end")
+  end subroutine test_crowded_knots
+
+  !> g'' is nowhere beyond what it is said to push with. A parabola pushes with its one curvature.
+  subroutine test_push()
+    type(te_table_t) :: table
+    real(wp) :: c(0:5, 1), before, at, after
+    integer :: i
+    real(wp), parameter :: h = 1.0e-4_wp
+    table = some_table([.true., .true., .true.], 0.0_wp)
+    do i = 1, 3
+      associate (x => 0.5_wp*(table%knot(i + 1) - table%knot(i)), p => table%coefficient(:, i))
+        before = horner(p, x - h)
+        at = horner(p, x)
+        after = horner(p, x + h)
+      end associate
+      call tally%below((after - 2*at + before)/h**2, table%push(1) + 1.0e-6_wp, "outwards")
+      call tally%below(-(after - 2*at + before)/h**2, table%push(2) + 1.0e-6_wp, "inwards")
+    end do
+    c = 0
+    c(2, 1) = 3
+    table = te_table([0.0_wp, 1.0_wp], c, [.true.], scale, period, 0.0_wp)
+    call tally%near(table%push(1), -2.25_wp, 0.0_wp, "a parabola")
+    call tally%near(table%push(2), 2.25_wp, 0.0_wp, "a parabola, inwards")
+  end subroutine test_push
 end program test_transmission_error
