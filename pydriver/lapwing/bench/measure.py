@@ -14,7 +14,7 @@ from lapwing.bench.reference import load, variant
 from lapwing.bench.rivals import RIVALS
 from lapwing.bench.scenes import LONG, SHORT
 
-RK4_TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
+RK4_TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
 # Only says how far a run of `exact` is compared (judge.py); nothing of the method depends on it.
 EXACT_TOLERANCE = 1e-11
 # The setting of rk4 that runs a study.
