@@ -2,13 +2,15 @@
 program test_step_control
   use assertions, only: tally_t
   use lapwing_kinds, only: wp
-  use lapwing_step_control, only: step_memory_t, error_ratio, after_accepted, after_rejected
+  use lapwing_step_control, only: step_memory_t, step_to_try, error_ratio, after_accepted, &
+      after_rejected
   implicit none
 
   !> A few elementary functions, each good to some units.
   real(wp), parameter :: rounding = 20*epsilon(1.0_wp)
   type(tally_t) :: tally
 
+  call test_to_try()
   call test_ratio()
   call test_rejected()
   call test_accepted()
@@ -17,6 +19,19 @@ program test_step_control
   call tally%finish()
 
 contains
+
+  !> What is remembered; else all there is, in contact 2 rtol**(3/16).
+  subroutine test_to_try()
+    type(step_memory_t) :: memory
+    call tally%is_true(step_to_try(memory, .false., 1.0e-6_wp) >= huge(1.0_wp), "first flight")
+    call tally%near(step_to_try(memory, .true., 2.0_wp**(-16)), 0.25_wp, rounding, "first contact")
+    memory%step = 0.7_wp
+    call tally%near(step_to_try(memory, .true., 1.0e-6_wp), 0.7_wp, 0.0_wp, "the next contact")
+    ! A flight that nothing but a stop has ever cut short stays free.
+    memory = step_memory_t()
+    call after_accepted(memory, 0.3_wp, 0.0_wp, .true.)
+    call tally%is_true(step_to_try(memory, .false., 1.0e-6_wp) >= huge(1.0_wp), "the next flight")
+  end subroutine test_to_try
 
   !> Largest error over size, in units of 1/256 of the tolerance.
   subroutine test_ratio()
