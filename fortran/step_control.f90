@@ -66,7 +66,8 @@ contains
       return
     end if
     bounded = max(ratio, least_ratio)
-    factor = safety*fourth_root(fourth_root(memory%ratio/bounded**2))
+    ! (before/now**2)**(1/16), one root of it taken while the step was still under way.
+    factor = safety*sqrt(fourth_root(sqrt(memory%ratio)/bounded))
     factor = min(most_growth, max(most_shrinkage, factor))
     if (cut_short) then
       memory%step = max(memory%step, h*factor)
