@@ -10,7 +10,7 @@ module lapwing_damped
   private
   public :: damped_t, damped, free_motion, free_matrix, turn_undamped, taylor_row, n_taylor
 
-  integer, parameter :: n_taylor = 13   !! derivatives tabulated by `taylor_row`
+  integer, parameter :: n_taylor = 15   !! derivatives tabulated by `taylor_row`
 
   !> One damping ratio.
   type :: damped_t
@@ -18,6 +18,7 @@ module lapwing_damped
     real(wp) :: square = 1                 !! 1 - xi**2
     real(wp) :: w = 1                      !! root of its magnitude
     real(wp) :: row(2, 0:n_taylor) = 0     !! x^(k)/k! = row(1,k) x + row(2,k) x'
+    real(wp) :: unit(0:n_taylor, 2) = 0    !! its columns: x of unit x, of unit x'
   end type damped_t
 
 contains
@@ -29,6 +30,7 @@ contains
     self%square = (1 - xi)*(1 + xi)
     self%w = sqrt(abs(self%square))
     self%row = taylor_row(xi)
+    self%unit = transpose(self%row)
   end function damped
 
   !> Taylor coefficients of x as combinations of x and x': x^(k+2) = -2 xi x^(k+1) - x^(k).

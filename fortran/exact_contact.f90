@@ -6,14 +6,18 @@ module lapwing_exact_contact
   use lapwing_kinds, only: wp
   use lapwing_codes, only: drive_flank
   use lapwing_closed_form, only: locate_panel, reach
-  use lapwing_damped, only: free_motion
+  use lapwing_damped, only: free_motion, n_taylor
   use lapwing_exact_flight, only: end_t
-  use lapwing_first_meeting, only: target_t, first_meeting, quick_return
-  use lapwing_polynomial, only: max_degree, horner, horner_slope
-  use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_launch, curve_at, free_state
+  use lapwing_first_meeting, only: target_t, first_meeting, quick_return, only_zero
+  use lapwing_polynomial, only: max_degree, horner, horner_slope, bernstein_on, least
+  use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_launch, curve_at, &
+      free_state, free_in_middle, contact_series, rest_after
   implicit none
   private
   public :: contact_end
+
+  !> Panels over which a free oscillation is carried from one to the next without harm by rounding.
+  integer, parameter :: well_rounded = 4
 
 contains
 
@@ -36,8 +40,10 @@ contains
     last = stop
     found = .false.
     if (.not. stays(scene, curve%moving, goal%sign, curve%free)) then
-      call expand_launch(scene, curve)
-      if (touching) call short_contact(curve, goal%sign, stop, found, s)
+      if (touching) then
+        call expand_launch(scene, curve)
+        call short_contact(curve, goal%sign, stop, found, s)
+      end if
       if (found) then
         panel = locate_panel(scene%form, curve%t)
         call curve_at(scene, curve, panel, s, at%x, at%v)
@@ -97,6 +103,7 @@ contains
       knot = scene%table%knot(piece) - curve%t
       if (elapsed + knot >= reach/scene%form%fastest .or. knot >= last) return
       if (piece > scene%table%n) return
+      if (curve%near < 0) call expand_launch(scene, curve)
       call first_meeting(scene, curve, locate_panel(scene%form, curve%t), .false., goal, 0.0_wp, &
           knot, found, s, x, v)
       if (found) return
@@ -144,67 +151,115 @@ contains
   !> Release of a contact, panel by panel.
   pure subroutine release(scene, curve, goal, stop, panel, found, s, x, v)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch, its series known
+    type(curve_t), intent(inout) :: curve      !! stretch
     type(target_t), intent(in) :: goal         !! release
     real(wp), intent(in) :: stop               !! latest end
     integer, intent(out) :: panel              !! panel of the end
     logical, intent(out) :: found              !! whether there is one
     real(wp), intent(out) :: s                 !! when
     real(wp), intent(out) :: x, v              !! position and velocity then
-    real(wp) :: from, to, d, e, state(2)
-    type(target_t) :: here
-    logical :: out
+    real(wp) :: from, to, free(2), b(0:max_degree), rest
+    integer :: first
+    logical :: out, settled, touching
     associate (form => scene%form)
-      here = goal
       panel = locate_panel(form, curve%t)
+      first = panel
+      free = free_in_middle(scene, curve, panel)
+      touching = goal%touching
       from = 0
+      found = .false.
       do
         to = min(form%edge(panel + 1) - curve%t, stop)
-        if (from > 0) then
-          out = holds(scene, curve%moving, goal%sign, panel, state)
-        else
-          ! The panel's own bound holds before the launch too, where it may be no contact at all.
-          call free_motion(form%damping, to, d, e)
-          state = free_state(form, curve%free, d, e)
-          out = .false.
+        call bound_contact(scene, curve%moving, goal%sign, panel, free, b, rest)
+        ! A panel's bound holds before the launch, too, where it may be no contact at all.
+        out = least(b) > rest
+        if (touching) out = leaves(scene, curve, panel, goal%sign, to)
+        if (.not. out) then
+          settled = .false.
+          if (from > 0 .or. curve%t == form%edge(panel)) call only_release(scene, curve, panel, &
+              panel - first, goal%sign, free, b, rest, to, settled, found, s, x, v)
+          if (.not. settled) then
+            if (curve%near < 0) call expand_launch(scene, curve)
+            call first_meeting(scene, curve, panel, from > 0, &
+                target_t(goal%sign, goal%wall, touching), from, to, found, s, x, v)
+          end if
         end if
-        found = .false.
-        if (.not. out) call first_meeting(scene, curve, panel, from > 0, here, &
-            from, to, found, s, x, v)
         if (found .or. to >= stop .or. panel == form%n) return
-        if (from > 0) state = matmul(form%d_matrix(:, :, panel), state)
-        if (stays(scene, curve%moving, goal%sign, state)) then
+        if (stays(scene, curve%moving, goal%sign, free)) then
           panel = 0
           return
         end if
-        here%touching = .false.
+        free = form%panel(panel)%d_matrix(:, 1)*free(1) + form%panel(panel)%d_matrix(:, 2)*free(2)
+        touching = .false.
         from = to
         panel = panel + 1
       end do
     end associate
   end subroutine release
 
-  !> Whether contact holds over a whole panel, from the free oscillation at its beginning.
-  pure logical function holds(scene, moving, sign, panel, free)
+  !> Bernstein coefficients of sign*x over a panel, and a bound of what they leave out.
+  pure subroutine bound_contact(scene, moving, sign, panel, free, b, rest)
     type(scene_t), intent(in) :: scene         !! scene
     logical, intent(in) :: moving              !! whether the flank moves with g
     real(wp), intent(in) :: sign               !! +1 at the drive flank, -1 at the coast flank
     integer, intent(in) :: panel               !! panel
-    real(wp), intent(in) :: free(2)            !! d and d'
-    real(wp) :: b(0:max_degree), rest
-    associate (form => scene%form)
-      b = scene%force + form%d_bernstein(:, 1, panel)*free(1) &
-          + form%d_bernstein(:, 2, panel)*free(2)
-      rest = form%d_rest(panel)*(abs(free(1)) + abs(free(2)))
+    real(wp), intent(in) :: free(2)            !! d and d' in its middle
+    real(wp), intent(out) :: b(0:max_degree)   !! coefficients
+    real(wp), intent(out) :: rest              !! bound
+    associate (here => scene%form%panel(panel))
+      b = scene%force + here%d_bernstein(:, 1)*free(1) + here%d_bernstein(:, 2)*free(2)
+      rest = here%d_rest*(abs(free(1)) + abs(free(2)))
       if (moving) then
-        b = b + form%q_bernstein(:, panel)
-        rest = rest + form%q_rest(panel)
+        b = b + here%q_bernstein
+        rest = rest + here%q_rest
       end if
-      if (sign > 0) then
-        holds = minval(b) > rest
-      else
-        holds = maxval(b) < -rest
-      end if
+      b = sign*b
     end associate
-  end function holds
+  end subroutine bound_contact
+
+  !> Whether a contact that begins at zero lasts at least until `to`: its distance over the time
+  !> stays positive.
+  pure logical function leaves(scene, curve, panel, sign, to)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch, its series known
+    integer, intent(in) :: panel               !! panel that holds it until `to`
+    real(wp), intent(in) :: sign               !! +1 at the drive flank, -1 at the coast flank
+    real(wp), intent(in) :: to                 !! time since its beginning
+    real(wp) :: c(0:max_degree)
+    c = sign*[curve%taylor(1:max_degree), 0.0_wp]
+    leaves = least(bernstein_on(c, to)) > rest_after(scene, curve, panel)*to**max_degree
+  end function leaves
+
+  !> The one release within a panel, where it is plain that there is just one.
+  pure subroutine only_release(scene, curve, panel, passed, sign, free, b, rest, to, settled, &
+      found, s, x, v)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch
+    integer, intent(in) :: panel               !! panel
+    integer, intent(in) :: passed              !! panels since the launch
+    real(wp), intent(in) :: sign               !! +1 at the drive flank, -1 at the coast flank
+    real(wp), intent(in) :: free(2)            !! d and d' in its middle
+    real(wp), intent(in) :: b(0:max_degree)    !! Bernstein coefficients of sign*x
+    real(wp), intent(in) :: rest               !! bound of what they leave out
+    real(wp), intent(in) :: to                 !! time up to which it counts
+    logical, intent(out) :: settled            !! whether it is plain
+    logical, intent(out) :: found              !! whether it lies before `to`
+    real(wp), intent(out) :: s                 !! when
+    real(wp), intent(out) :: x, v              !! position and velocity then
+    real(wp) :: c(0:n_taylor), d, e, middle, state(2)
+    middle = scene%form%panel(panel)%middle - curve%t
+    state = free
+    if (passed > well_rounded) then
+      call free_motion(scene%form%damping, middle, d, e)
+      state = free_state(scene%form, curve%free, d, e)
+    end if
+    call contact_series(scene, curve%moving, panel, state, c)
+    call only_zero(sign*c, scene%form%panel(panel)%half, b, rest, settled, s, v)
+    s = middle + s
+    x = 0
+    v = sign*v
+    ! So near to the launch its own series is better.
+    settled = settled .and. s > curve%near
+    found = settled .and. s <= to
+  end subroutine only_release
 end module lapwing_exact_contact

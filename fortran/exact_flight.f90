@@ -6,10 +6,12 @@ module lapwing_exact_flight
   use lapwing_kinds, only: wp
   use lapwing_codes, only: no_flank, drive_flank, coast_flank
   use lapwing_closed_form, only: locate_panel
-  use lapwing_first_meeting, only: target_t, first_meeting, quick_return
+  use lapwing_damped, only: n_taylor
+  use lapwing_first_meeting, only: target_t, first_meeting, quick_return, only_zero
   use lapwing_polynomial, only: max_degree, horner, horner_slope, bernstein, bernstein_on, &
-      first_descent
-  use lapwing_smooth_curve, only: scene_t, curve_t, expand_launch, curve_at, fly_from
+      first_descent, least, largest
+  use lapwing_smooth_curve, only: scene_t, curve_t, expand_launch, curve_at, fly_from, &
+      flight_series
   implicit none
   private
   public :: end_t, flight_end, bounce, least_width
@@ -136,8 +138,8 @@ contains
     do k = drive_flank, coast_flank
       if (k /= left) then
         if (k == drive_flank) then
-          if (maxval(b) < wall(k)) cycle
-        else if (minval(b) > wall(k)) then
+          if (largest(b) < wall(k)) cycle
+        else if (least(b) > wall(k)) then
           cycle
         end if
       end if
@@ -159,35 +161,41 @@ contains
     integer, intent(in) :: touching            !! flank at zero distance, left at s = 0
     real(wp), intent(in) :: stop               !! latest end
     type(end_t), intent(out) :: at             !! the end
-    real(wp) :: from, to, theta, rate, b(0:max_degree), width, next_theta, lowest
+    real(wp) :: from, to, theta, rate, next, b(0:max_degree), sag
     integer :: panel
+    logical :: out(2)
     associate (form => scene%form)
       panel = locate_panel(form, curve%t)
       from = 0
       theta = curve%x + curve%flank(1)
       rate = curve%v + curve%flank(2)
-      lowest = least_theta(theta, rate, scene%force)
       do
         to = min(form%edge(panel + 1) - curve%t, stop)
-        next_theta = (curve%x + curve%flank(1)) + (rate + 0.5_wp*scene%force*to)*to
-        if (from > 0 .and. scene%force > 0 .and. lowest > form%g_high + wall(2) &
-            .and. max(theta, next_theta) < form%g_low + wall(1)) then
-          ! A parabola that opens upwards lies below its chord, and this one above all coast flanks.
-          continue
-        else if (from > 0) then
-          width = form%edge(panel + 1) - form%edge(panel)
-          b = parabola(theta, rate + scene%force*from, scene%force, width) &
-              - form%g_bernstein(:, panel)
-          call look_closely(scene, curve, panel, wall, no_flank, from, to, &
-              [maxval(b) + form%g_rest(panel) < wall(1), &
-              minval(b) - form%g_rest(panel) > wall(2)], at)
-        else
-          call look_closely(scene, curve, panel, wall, touching, from, to, &
-              ruled_out(curve, wall, touching, to, form%g_bound), at)
-        end if
+        next = (curve%x + curve%flank(1)) + (rate + 0.5_wp*scene%force*to)*to
+        associate (here => form%panel(panel))
+          if (from > 0) then
+            ! A parabola is this far below its chord, at most.
+            sag = 0.5_wp*scene%force*here%half**2
+            out = [max(theta, next) - min(sag, 0.0_wp) < here%g_low + wall(1), &
+                min(theta, next) - max(sag, 0.0_wp) > here%g_high + wall(2)]
+            if (.not. all(out)) then
+              b = parabola(theta, rate + scene%force*from, scene%force, 2*here%half) &
+                  - here%g_bernstein
+              out = [largest(b) + here%g_rest < wall(1), least(b) - here%g_rest > wall(2)]
+              if (out(1) .neqv. out(2)) then
+                call meet_only(scene, curve, panel, wall, merge(coast_flank, drive_flank, &
+                    out(1)), b, to, out, at)
+              end if
+            end if
+          else
+            out = ruled_out(curve, wall, touching, to, form%g_bound)
+          end if
+        end associate
+        if (.not. all(out)) call look_closely(scene, curve, panel, wall, &
+            merge(no_flank, touching, from > 0), from, to, out, at)
         if (at%flank /= no_flank) return
         if (to >= stop .or. panel == form%n) exit
-        theta = next_theta
+        theta = next
         from = to
         panel = panel + 1
       end do
@@ -201,14 +209,31 @@ contains
     end associate
   end subroutine flight_over_series
 
-  !> Least value of theta + rate*s + force*s**2/2 over s >= 0, or less.
-  pure real(wp) function least_theta(theta, rate, force)
-    real(wp), intent(in) :: theta, rate, force   !! position, velocity, acceleration
-    least_theta = theta
-    if (rate >= 0) return
-    least_theta = least_width
-    if (force > 0) least_theta = theta - 0.5_wp*rate**2/force
-  end function least_theta
+  !> The one meeting with a wall within a panel, where it is plain that there is just one.
+  pure subroutine meet_only(scene, curve, panel, wall, flank, b, to, out, at)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch
+    integer, intent(in) :: panel               !! panel
+    real(wp), intent(in) :: wall(2)            !! positions of the flanks
+    integer, intent(in) :: flank               !! the one that is met
+    real(wp), intent(in) :: b(0:max_degree)    !! Bernstein coefficients of x
+    real(wp), intent(in) :: to                 !! time up to which it counts
+    logical, intent(inout) :: out(2)           !! flanks that need not be looked at any more
+    type(end_t), intent(inout) :: at           !! the end, if it is found
+    real(wp) :: c(0:n_taylor), s, sign, v
+    logical :: settled
+    sign = merge(-1.0_wp, 1.0_wp, flank == drive_flank)
+    call flight_series(scene, curve, panel, c)
+    c(0) = c(0) - wall(flank)
+    associate (here => scene%form%panel(panel))
+      call only_zero(sign*c, here%half, sign*(b - wall(flank)), here%g_rest, settled, s, v)
+      s = (here%middle - curve%t) + s
+    end associate
+    ! So near to the launch its own series is better.
+    if (.not. settled .or. s <= curve%near) return
+    out(flank) = .true.
+    if (s <= to) at = end_t(flank, s, wall(flank), sign*v)
+  end subroutine meet_only
 
   !> Bernstein coefficients of degree five of a parabola on [0, width].
   pure function parabola(x, v, a, width) result(b)
@@ -234,14 +259,14 @@ contains
     rest = bound*to**(max_degree + 1)
     if (touching == no_flank) then
       b = bernstein_on(c, to)
-      out = [maxval(b) + rest < wall(1), minval(b) - rest > wall(2)]
+      out = [largest(b) + rest < wall(1), least(b) - rest > wall(2)]
     else
       ! It leaves a wall: without its zero there the distance must stay positive.
       c = [c(1:max_degree), 0.0_wp]
       if (touching == drive_flank) c = -c
       b = to*bernstein_on(c, to)
-      out(touching) = minval(b) > rest
-      out(3 - touching) = maxval(b) + rest < wall(1) - wall(2)
+      out(touching) = least(b) > rest
+      out(3 - touching) = largest(b) + rest < wall(1) - wall(2)
     end if
   end function ruled_out
 
@@ -259,7 +284,6 @@ contains
     integer :: flank
     logical :: found
     latest = to
-    at%flank = no_flank
     do flank = drive_flank, coast_flank
       if (out(flank)) cycle
       call first_meeting(scene, curve, panel, from > 0, target_t(sign=merge(-1.0_wp, 1.0_wp, &

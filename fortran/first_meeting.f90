@@ -9,12 +9,13 @@ module lapwing_first_meeting
   use lapwing_kinds, only: wp
   use lapwing_closed_form, only: bound_order
   use lapwing_polynomial, only: max_degree, first_zero, first_nonzero, lift_off, horner, &
-      horner_slope
+      horner_slope, jet
+  use lapwing_damped, only: n_taylor
   use lapwing_smooth_curve, only: scene_t, curve_t, curve_at, curve_taylor, rest_after, &
       acceleration_at
   implicit none
   private
-  public :: target_t, first_meeting, first_turn, quick_return
+  public :: target_t, first_meeting, first_turn, quick_return, only_zero
 
   !> What is looked for within one panel.
   type :: target_t
@@ -103,6 +104,62 @@ contains
       end if
     end do
   end subroutine first_meeting
+
+  !> The one zero of a target on a panel, from its Taylor series about the middle, where it is plain
+  !> that there is just one: a target that is positive at the beginning, negative at the end, and
+  !> falls throughout or bends down throughout. Elsewhere nothing is claimed.
+  !>
+  !> On a panel of unit width the slope of the polynomial of degree five is 5 times the differences
+  !> of its Bernstein coefficients; of what it leaves out, at most rest*(2u)**6 with u from -1/2 to
+  !> 1/2, it is at most 12*rest. The second derivatives: 20 times their differences, and 120*rest.
+  pure subroutine only_zero(c, half, b, rest, found, u, slope)
+    real(wp), intent(in) :: c(0:n_taylor)      !! coefficients, exact to rounding
+    real(wp), intent(in) :: half               !! half the panel's width
+    real(wp), intent(in) :: b(0:max_degree)    !! Bernstein coefficients of the first six
+    real(wp), intent(in) :: rest               !! bound of what these leave out
+    logical, intent(out) :: found              !! whether there is just one, and it is found
+    real(wp), intent(out) :: u                 !! where, from the middle
+    real(wp), intent(out) :: slope             !! and the slope there
+    real(wp) :: fall(max_degree), value, bend, step
+    integer :: i
+    found = .false.
+    u = 0
+    slope = 0
+    if (.not. (b(0) > rest .and. b(max_degree) < -rest)) return
+    fall = b(0:max_degree - 1) - b(1:max_degree)
+    if (.not. all(fall > 2.4_wp*rest)) then
+      if (.not. all(fall(2:) - fall(:max_degree - 1) > 6*rest)) return
+    end if
+    do i = 1, max_degree - 1
+      if (b(i) <= 0) exit
+    end do
+    ! Where the polygon of the coefficients crosses, then a step along the first six.
+    u = half*(0.4_wp*(i - b(i)/(b(i) - b(i - 1))) - 1)
+    call jet(max_degree, c(0:max_degree), u, value, slope, bend)
+    u = u + halley(value, slope, bend)
+    do i = 1, max_newton
+      if (.not. abs(u) <= half) return
+      call jet(n_taylor, c, u, value, slope, bend)
+      if (slope >= 0) return
+      step = halley(value, slope, bend)
+      u = u + step
+      slope = slope + 2*bend*step
+      ! The error left is of the third order in the step, that of the slope of the second.
+      found = abs(step) <= 0.5_wp*sqrt(epsilon(u))*half
+      if (found) exit
+    end do
+    found = found .and. abs(u) <= half
+  end subroutine only_zero
+
+  !> Halley's step to a zero (third order).
+  pure real(wp) function halley(value, slope, bend)
+    real(wp), intent(in) :: value, slope   !! of the function
+    real(wp), intent(in) :: bend           !! half its second derivative
+    real(wp) :: square
+    square = slope*slope - value*bend
+    halley = 0
+    if (square > 0) halley = -value*slope/square
+  end function halley
 
   !> First time after `from` where the velocity relative to the flank changes sign.
   pure subroutine first_turn(scene, curve, panel, at_turn, from, to, found, s)

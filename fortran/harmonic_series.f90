@@ -7,7 +7,7 @@ module lapwing_harmonic_series
   public :: derivative_series, bound_derivative, top_order, fastest_rate
   public :: turned_t, turn_series, turned_value, turned_taylor, max_terms
 
-  integer, parameter :: top_order = 13   !! highest Taylor coefficient
+  integer, parameter :: top_order = 15   !! highest Taylor coefficient
   integer, parameter :: max_terms = 8    !! terms that count as few
 
   !> x(t) = constant + sum_i cosine(i) cos(rate(i) t) + sine(i) sin(rate(i) t).

@@ -7,8 +7,8 @@ module lapwing_polynomial
   use lapwing_kinds, only: wp
   implicit none
   private
-  public :: max_degree, horner, horner_slope, value_and_slope, taylor_shift
-  public :: bernstein, bernstein_on, upper_bound, never_below
+  public :: max_degree, horner, horner_slope, value_and_slope, jet, taylor_shift
+  public :: bernstein, bernstein_on, upper_bound, never_below, least, largest
   public :: first_zero, first_descent, critical_points, lift_off, first_nonzero
 
   integer, parameter :: max_degree = 5
@@ -55,6 +55,30 @@ contains
     end do
   end subroutine value_and_slope
 
+  !> Value, first derivative and half the second one at x, of odd degree. Even and odd powers side by
+  !> side: chains of additions of half the length.
+  pure subroutine jet(n, c, x, value, slope, bend)
+    integer, intent(in) :: n                    !! degree, odd
+    real(wp), intent(in) :: c(0:n)              !! coefficients
+    real(wp), intent(in) :: x                   !! argument
+    real(wp), intent(out) :: value, slope, bend !! there
+    real(wp) :: square, a(2), b(2), d(2)
+    integer :: k
+    ! Values, derivatives with respect to the square, and half the second ones.
+    square = x*x
+    a = c(n - 1:n)
+    b = 0
+    d = 0
+    do k = n - 3, 0, -2
+      d = d*square + b
+      b = b*square + a
+      a = a*square + c(k:k + 1)
+    end do
+    value = a(1) + x*a(2)
+    slope = a(2) + 2*x*(b(1) + x*b(2))
+    bend = (b(1) + 3*x*b(2)) + 4*square*(d(1) + x*d(2))
+  end subroutine jet
+
   !> Coefficients about x instead of 0 (repeated synthetic division).
   pure subroutine taylor_shift(c, x)
     real(wp), intent(inout) :: c(0:)  !! coefficients, re-expanded in place
@@ -90,6 +114,18 @@ contains
     call scale_to_unit(c, length, scaled)
     b = bernstein(scaled)
   end function bernstein_on
+
+  !> Least coefficient. (Where one is not a number `minval` looks for it, at some cost.)
+  pure real(wp) function least(b)
+    real(wp), intent(in) :: b(0:max_degree)  !! coefficients
+    least = min(min(b(0), b(1)), min(b(2), b(3)), min(b(4), b(5)))
+  end function least
+
+  !> Largest coefficient.
+  pure real(wp) function largest(b)
+    real(wp), intent(in) :: b(0:max_degree)  !! coefficients
+    largest = max(max(b(0), b(1)), max(b(2), b(3)), max(b(4), b(5)))
+  end function largest
 
   !> Upper bound on [0, length]: the largest Bernstein coefficient.
   pure real(wp) function upper_bound(c, length)
@@ -137,7 +173,7 @@ contains
     x = length
     if (never_below(scaled) > 0) return
     b = bernstein(scaled)
-    if (minval(b) > 0) return
+    if (least(b) > 0) return
     ! Not a number: nothing to isolate; whoever moves the state sees it and says so.
     if (.not. abs(sum(b)) <= huge(x)) return
     allowed = 0

@@ -6,16 +6,19 @@
 !> Taylor series, so that the smallest bounce keeps its relative precision.
 module lapwing_smooth_curve
   use lapwing_kinds, only: wp
-  use lapwing_closed_form, only: closed_form_t, locate_panel, free_size, reach
-  use lapwing_damped, only: free_motion, turn_undamped
+  use lapwing_closed_form, only: closed_form_t, panel_t, locate_panel, free_size, reach
+  use lapwing_damped, only: free_motion, turn_undamped, n_taylor
   use lapwing_harmonic_series, only: turned_t, turn_series, turned_value, turned_taylor, &
-      series_at, expand_series, top_order
-  use lapwing_polynomial, only: max_degree, horner, horner_slope, taylor_shift
+      series_at, expand_series
+  use lapwing_polynomial, only: max_degree, horner, horner_slope, jet, taylor_shift
   use lapwing_transmission_error, only: te_table_t
   implicit none
   private
   public :: curve_t, scene_t, launch, expand_launch, curve_at, curve_taylor, flank_taylor
-  public :: rest_after, acceleration_at, free_state, fly_from
+  public :: rest_after, acceleration_at, free_state, fly_from, free_in_middle
+  public :: flight_series, contact_series
+
+  integer, parameter :: launch_order = 13   !! highest term of a series about a launch
 
   !> What all stretches of an oscillator have in common.
   type :: scene_t
@@ -28,12 +31,12 @@ module lapwing_smooth_curve
   type :: curve_t
     logical :: contact = .false.          !! in contact, or in flight
     logical :: moving = .true.            !! whether the flank moves with g
-    integer :: degree = top_order         !! of its series: less where that ends, as a table does
+    integer :: degree = launch_order      !! of its series: less where that ends, as a table does
     integer :: piece = 1                  !! table piece of the beginning
     real(wp) :: t = 0                     !! cycle time of s = 0
     real(wp) :: x = 0, v = 0              !! position and velocity there
     real(wp) :: near = -1                 !! the Taylor series holds up to this s
-    real(wp) :: taylor(0:top_order)       !! of x about s = 0, once expanded
+    real(wp) :: taylor(0:launch_order)    !! of x about s = 0, once expanded
     real(wp) :: flank(2) = 0              !! g and g' at s = 0, in flight
     real(wp) :: free(2) = 0               !! d and d' at s = 0, in contact
     logical :: is_turned = .false.        !! whether the series' terms at s = 0 are known
@@ -76,31 +79,21 @@ contains
     real(wp), intent(in) :: t                  !! time in the cycle
     real(wp) :: q(2)
     integer :: panel
-    associate (form => scene%form)
-      panel = locate_panel(form, t)
-      if (t == form%edge(panel)) then
-        q = form%q_begin(:, panel)
-      else
-        q = table_response(form, panel, t - form%edge(panel))
-      end if
-    end associate
+    panel = locate_panel(scene%form, t)
+    if (t == scene%form%edge(panel)) then
+      q = scene%form%panel(panel)%q_begin
+    else
+      q = response_on(scene%form%panel(panel), t)
+    end if
   end function response_at
 
-  !> q and q' of a table at x after a panel's beginning.
-  pure function table_response(form, panel, x) result(q)
-    type(closed_form_t), intent(in) :: form    !! scene
-    integer, intent(in) :: panel               !! panel
-    real(wp), intent(in) :: x                  !! time since its beginning
-    real(wp) :: q(2), d, e
-    if (form%short(panel)) then
-      q = [horner(form%q_taylor(:, panel), x), horner_slope(form%q_taylor(:, panel), x)]
-    else
-      call free_motion(form%damping, x, d, e)
-      q = free_state(form, form%free_begin(:, panel), d, e)
-      q(1) = q(1) + horner(form%particular(:, panel), x)
-      q(2) = q(2) + horner_slope(form%particular(:, panel), x)
-    end if
-  end function table_response
+  !> q and q' at a time within a panel.
+  pure function response_on(panel, t) result(q)
+    type(panel_t), intent(in) :: panel         !! panel
+    real(wp), intent(in) :: t                  !! time in the cycle
+    real(wp) :: q(2), bend
+    call jet(n_taylor, panel%q, t - panel%middle, q(1), q(2), bend)
+  end function response_on
 
   !> (d, d') after a time whose two solutions are known.
   pure function free_state(form, begin, d, e) result(state)
@@ -120,7 +113,7 @@ contains
   pure subroutine expand_launch(scene, curve)
     type(scene_t), intent(in) :: scene         !! scene
     type(curve_t), intent(inout) :: curve      !! its series is set
-    real(wp) :: g(0:top_order)
+    real(wp) :: g(0:launch_order)
     if (.not. (curve%contact .or. scene%form%harmonic)) curve%degree = max_degree
     associate (n => curve%degree)
       if (scene%form%harmonic .and. curve%moving) then
@@ -132,7 +125,7 @@ contains
       curve%flank = g(0:1)
       call motion_taylor(scene, curve%contact, curve%x, curve%v, g(0:n), curve%taylor(0:n))
     end associate
-    if (curve%degree == top_order) then
+    if (curve%degree == launch_order) then
       curve%near = reach/scene%form%fastest
       if (.not. scene%form%harmonic) curve%near = min(curve%near, to_knot(scene, curve))
     else
@@ -230,17 +223,14 @@ contains
     integer, intent(in) :: panel               !! panel that holds t + s
     real(wp), intent(in) :: s                  !! time since its beginning
     real(wp), intent(out) :: x, v              !! position and velocity
-    real(wp) :: q(2), at
+    real(wp) :: q(2)
     associate (form => scene%form)
       q = 0
       if (curve%moving) then
-        at = (curve%t + s) - form%edge(panel)
         if (curve%t + s >= form%edge(panel + 1)) then
-          q = form%q_end(:, panel)
-        else if (form%harmonic) then
-          call series_at(form%q, curve%t + s, q(1), q(2))
+          q = form%panel(panel)%q_end
         else
-          q = table_response(form, panel, at)
+          q = response_on(form%panel(panel), curve%t + s)
         end if
       end if
       call add_free_part(scene, curve, s, q, x, v)
@@ -266,7 +256,7 @@ contains
       ! The same sines serve g, its derivatives and q.
       if (at_edge) then
         g = scene%form%g_taylor(:, panel)
-        q = scene%form%q_begin(:, panel)
+        q = scene%form%panel(panel)%q_begin
       else
         call turn_series(scene%form%g, curve%t + s, turned)
         call turned_taylor(scene%form%g, turned, max_degree, g)
@@ -311,6 +301,51 @@ contains
     v = q(2) + state(2)
   end subroutine add_free_part
 
+  !> d and d' in the middle of the panel that holds the launch, which may lie before it.
+  pure function free_in_middle(scene, curve, panel) result(free)
+    type(scene_t), intent(in) :: scene             !! scene
+    type(curve_t), intent(in) :: curve             !! stretch
+    integer, intent(in) :: panel                   !! panel
+    real(wp) :: free(2), d, e, d_rate, e_rate, bend, s
+    associate (unit => scene%form%damping%unit)
+      s = scene%form%panel(panel)%middle - curve%t
+      call jet(n_taylor, unit(:, 1), s, d, d_rate, bend)
+      call jet(n_taylor, unit(:, 2), s, e, e_rate, bend)
+      free = [d*curve%free(1) + e*curve%free(2), d_rate*curve%free(1) + e_rate*curve%free(2)]
+    end associate
+  end function free_in_middle
+
+  !> Taylor series of a contact about a panel's middle, exact to rounding over the panel.
+  pure subroutine contact_series(scene, moving, panel, free, c)
+    type(scene_t), intent(in) :: scene             !! scene
+    logical, intent(in) :: moving                  !! whether the flank moves with g
+    integer, intent(in) :: panel                   !! panel
+    real(wp), intent(in) :: free(2)                !! d and d' in its middle
+    real(wp), intent(out) :: c(0:n_taylor)         !! coefficients
+    associate (unit => scene%form%damping%unit)
+      c = unit(:, 1)*free(1) + unit(:, 2)*free(2)
+      if (moving) c = c + scene%form%panel(panel)%q
+    end associate
+    c(0) = c(0) + scene%force
+  end subroutine contact_series
+
+  !> The same of a flight over a series.
+  pure subroutine flight_series(scene, curve, panel, c)
+    type(scene_t), intent(in) :: scene             !! scene
+    type(curve_t), intent(in) :: curve             !! stretch
+    integer, intent(in) :: panel                   !! panel
+    real(wp), intent(out) :: c(0:n_taylor)         !! coefficients
+    real(wp) :: s, rate
+    associate (here => scene%form%panel(panel))
+      s = here%middle - curve%t
+      rate = curve%v + curve%flank(2)
+      c = -here%g
+      c(0) = curve%x + (rate + 0.5_wp*scene%force*s)*s - (here%g(0) - curve%flank(1))
+      c(1) = rate + scene%force*s - here%g(1)
+      c(2) = 0.5_wp*scene%force - here%g(2)
+    end associate
+  end subroutine flight_series
+
   !> Bound of |x^(6)|/6! on a panel: of q, and of a free oscillation that never grows.
   pure real(wp) function rest_after(scene, curve, panel) result(rest)
     type(scene_t), intent(in) :: scene             !! scene
@@ -319,7 +354,7 @@ contains
     rest = 0
     if (curve%contact) then
       rest = scene%form%free_bound*free_size(curve%free)
-      if (curve%moving) rest = rest + scene%form%q_sixth(panel)
+      if (curve%moving) rest = rest + scene%form%panel(panel)%q_sixth
     else if (scene%form%harmonic .and. curve%moving) then
       rest = scene%form%g_bound
     end if

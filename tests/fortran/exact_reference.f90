@@ -147,7 +147,12 @@ contains
   !> Largest size of the response in contact.
   pure real(wp) function amplification(scene)
     type(scene_t), intent(in) :: scene            !! scene
-    amplification = max(maxval(abs(scene%form%q_begin)), maxval(abs(scene%form%q_bernstein)))
+    integer :: i
+    amplification = 0
+    do i = 1, scene%form%n
+      amplification = max(amplification, maxval(abs(scene%form%panel(i)%q_begin)), &
+          maxval(abs(scene%form%panel(i)%q_bernstein)))
+    end do
   end function amplification
 
   !> Taylor coefficients of g about a time on a table piece.

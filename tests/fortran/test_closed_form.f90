@@ -6,7 +6,7 @@ program test_closed_form
       quad_flank, quad_flow, amplification
   use lapwing_closed_form, only: locate_panel, free_size
   use lapwing_kinds, only: wp
-  use lapwing_polynomial, only: max_degree
+  use lapwing_polynomial, only: max_degree, horner
   use lapwing_smooth_curve, only: scene_t
   implicit none
 
@@ -47,22 +47,25 @@ contains
       allowed = rounding(scene)
       associate (form => scene%form)
         do panel = 1, form%n
-          x = form%q_begin(1, panel)
-          v = form%q_begin(2, panel)
-          call quad_flow(scene, .true., .true., form%piece(panel), &
-              real(form%edge(panel), qp), real(form%edge(panel + 1), qp) - form%edge(panel), x, v)
-          call tally%near(form%q_end(1, panel), real(x, wp), allowed, "response after a panel")
-          call tally%near(form%q_end(2, panel), real(v, wp), allowed, "its rate after a panel")
-          worst = max(worst, abs(real(form%q_end(1, panel) - x, wp))/allowed)
           next = 1 + mod(panel, form%n)
-          jump = 0
-          if (.not. form%harmonic .and. (form%piece(next) /= form%piece(panel) .or. next == 1)) then
-            jump = slope_jump(scene, form%piece(panel), form%piece(next))
-          end if
-          call tally%near(form%q_begin(1, next), form%q_end(1, panel), allowed, &
-              "response over a panel's end")
-          call tally%near(form%q_begin(2, next) - form%q_end(2, panel), -real(jump, wp), &
-              allowed, "jump of its rate")
+          associate (here => form%panel(panel), there => form%panel(next))
+            x = here%q_begin(1)
+            v = here%q_begin(2)
+            call quad_flow(scene, .true., .true., form%piece(panel), real(form%edge(panel), qp), &
+                real(form%edge(panel + 1), qp) - form%edge(panel), x, v)
+            call tally%near(here%q_end(1), real(x, wp), allowed, "response after a panel")
+            call tally%near(here%q_end(2), real(v, wp), allowed, "its rate after a panel")
+            worst = max(worst, abs(real(here%q_end(1) - x, wp))/allowed)
+            jump = 0
+            if (.not. form%harmonic .and. (form%piece(next) /= form%piece(panel) &
+                .or. next == 1)) then
+              jump = slope_jump(scene, form%piece(panel), form%piece(next))
+            end if
+            call tally%near(there%q_begin(1), here%q_end(1), allowed, &
+                "response over a panel's end")
+            call tally%near(there%q_begin(2) - here%q_end(2), -real(jump, wp), allowed, &
+                "jump of its rate")
+          end associate
         end do
       end associate
     end do
@@ -94,7 +97,7 @@ contains
     do panel = 1, scene%form%n
       s = scene%form%edge(panel)
       exact = 8/period**2 - 8/period/w*aimag(exp(lambda*s)/(1 - exp(lambda*period)))
-      call tally%near(scene%form%q_begin(1, panel), exact, 32*eps, "response to a parabola")
+      call tally%near(scene%form%panel(panel)%q_begin(1), exact, 32*eps, "response to a parabola")
     end do
   end subroutine test_parabola
 
@@ -102,9 +105,12 @@ contains
   subroutine test_flat_resonant()
     real(wp) :: coefficients(0:5, 1)
     type(scene_t) :: scene
+    integer :: i
     coefficients = 0
     scene = table_scene([0.0_wp, 1.0_wp], coefficients, [.false.], 8*atan(1.0_wp), 0.0_wp, 1.0_wp)
-    call tally%is_true(all(scene%form%q_begin == 0), "no response where nothing drives it")
+    do i = 1, scene%form%n
+      call tally%is_true(all(scene%form%panel(i)%q == 0), "no response where nothing drives it")
+    end do
     call tally%is_true(scene%form%q_low == 0 .and. scene%form%q_high == 0, "bounds of nothing")
   end subroutine test_flat_resonant
 
@@ -147,41 +153,55 @@ contains
     integer, intent(in) :: panel         !! panel
     real(wp), intent(in) :: x, s         !! place in it, 0 to 1 and in tau
     real(wp), intent(in) :: allowed      !! rounding
-    real(qp) :: q, v, d, d_rate, g(0:30)
-    real(wp) :: free(2)
-    associate (form => scene%form)
-      q = form%q_begin(1, panel)
-      v = form%q_begin(2, panel)
+    real(qp) :: q, v, g(0:30)
+    associate (form => scene%form, here => scene%form%panel(panel))
+      q = here%q_begin(1)
+      v = here%q_begin(2)
       call quad_flow(scene, .true., .true., form%piece(panel), real(form%edge(panel), qp), &
           real(s, qp), q, v)
-      call enclosed(real(q, wp), x, form%q_bernstein(:, panel), form%q_rest(panel), allowed, "q")
+      call enclosed(real(q, wp), x, here%q_bernstein, here%q_rest, allowed, "q")
+      call tally%near(horner(here%q, form%edge(panel) + s - here%middle), real(q, wp), allowed, &
+          "q by its series")
       call tally%below(real(q, wp), form%q_high + allowed, "upper bound of q")
       call tally%below(-real(q, wp), -form%q_low + allowed, "lower bound of q")
-      free = [uniform(-1.0_wp, 1.0_wp), uniform(-1.0_wp, 1.0_wp)]
-      d = free(1)
-      d_rate = free(2)
-      call quad_flow(scene, .true., .false., 1, 0.0_qp, real(s, qp), d, d_rate)
-      call enclosed(real(d, wp), x, form%d_bernstein(:, 1, panel)*free(1) &
-          + form%d_bernstein(:, 2, panel)*free(2), form%d_rest(panel)*free_size(free), &
-          32*eps, "d")
-      ! A bound of no use would hold too. With panels of 1.5, and |x^(6)| <= (1 + 2 xi)**5:
-      call tally%below(form%d_rest(panel), 0.75_wp**6/720*(1 + 2*form%damping%xi)**5*1.001_wp, &
-          "what is left out of d")
-      if (x == 1) then
-        call tally%near(dot_product(form%d_matrix(1, :, panel), free), real(d, wp), 16*eps, &
-            "d over a panel")
-        call tally%near(dot_product(form%d_matrix(2, :, panel), free), real(d_rate, wp), &
-            16*eps, "d' over a panel")
-      end if
+      call check_free_part(scene, panel, x, s)
       if (.not. form%harmonic) return
       g = quad_flank(scene, 1, form%edge(panel) + real(s, qp))
-      call enclosed(real(g(0), wp), x, form%g_bernstein(:, panel), form%g_rest(panel), &
-          64*eps, "g")
-      call tally%below(form%g_rest(panel), 0.01_wp, "what is left out of g")
-      call tally%below(real(g(0), wp), form%g_high + 64*eps, "upper bound of g")
-      call tally%below(-real(g(0), wp), -form%g_low + 64*eps, "lower bound of g")
+      call enclosed(real(g(0), wp), x, here%g_bernstein, here%g_rest, 64*eps, "g")
+      call tally%near(horner(here%g, form%edge(panel) + s - here%middle), real(g(0), wp), 64*eps, &
+          "g by its series")
+      call tally%below(here%g_rest, 0.01_wp, "what is left out of g")
+      call tally%below(real(g(0), wp), min(form%g_high, here%g_high) + 64*eps, "upper bound of g")
+      call tally%below(-real(g(0), wp), -max(form%g_low, here%g_low) + 64*eps, "lower bound of g")
     end associate
   end subroutine check_panel
+
+  subroutine check_free_part(scene, panel, x, s)
+    type(scene_t), intent(in) :: scene   !! scene
+    integer, intent(in) :: panel         !! panel
+    real(wp), intent(in) :: x, s         !! place in it, 0 to 1 and in tau
+    real(qp) :: d, d_rate, middle(2)
+    real(wp) :: free(2), moved(2)
+    associate (form => scene%form, here => scene%form%panel(panel))
+      d = uniform(-1.0_wp, 1.0_wp)
+      d_rate = uniform(-1.0_wp, 1.0_wp)
+      middle = [d, d_rate]
+      call quad_flow(scene, .true., .false., 1, 0.0_qp, real(here%half, qp), middle(1), middle(2))
+      free = real(middle, wp)
+      call quad_flow(scene, .true., .false., 1, 0.0_qp, real(s, qp), d, d_rate)
+      call enclosed(real(d, wp), x, matmul(here%d_bernstein, free), &
+          here%d_rest*free_size(free), 64*eps, "d")
+      ! A bound of no use would hold too. With panels of 1.5, and |x^(6)| <= (1 + 2 xi)**5:
+      call tally%below(here%d_rest, 0.75_wp**6/720*(1 + 2*form%damping%xi)**5*2, &
+          "what is left out of d")
+      if (x /= 1 .or. panel == form%n) return
+      call quad_flow(scene, .true., .false., 1, 0.0_qp, &
+          real(form%panel(panel + 1)%middle, qp) - here%middle, middle(1), middle(2))
+      moved = matmul(here%d_matrix, free)
+      call tally%near(moved(1), real(middle(1), wp), 16*eps, "d from middle to middle")
+      call tally%near(moved(2), real(middle(2), wp), 16*eps, "d' from middle to middle")
+    end associate
+  end subroutine check_free_part
 
   subroutine enclosed(value, x, b, rest, allowed, what)
     real(wp), intent(in) :: value             !! value
