@@ -17,16 +17,21 @@ module lapwing_closed_form
   use lapwing_transmission_error, only: te_table_t
   implicit none
   private
-  public :: closed_form_t, panel_t, closed_form, locate_panel, free_size, bound_order, reach
+  public :: closed_form_t, panel_t, closed_form, locate_panel, free_size, bound_order
+  public :: launch_order, reach
 
   !> A panel lasts at most this over the fastest rate: the first term that a series of order 15
   !> about its middle leaves out, (rate*half)**16/16!, is a quarter of a rounding, and what the first
   !> six terms leave out of a free oscillation of size E at most (0.66)**6/720 E = 1.1e-4 E.
   real(wp), parameter :: panel_span = &
       2*(0.25_wp*epsilon(1.0_wp)*20922789888000.0_wp)**(1.0_wp/16)
-  !> A Taylor series of order 13 is exact to rounding where rate*s is below this: the first term
-  !> left out, (rate*s)**14/14!, against the second one, (rate*s)**2/2.
-  real(wp), parameter :: reach = (epsilon(1.0_wp)*43589145600.0_wp)**(1.0_wp/12)
+  !> A Taylor series of order n is exact to rounding where rate*s is below its reach: the first term
+  !> left out, (rate*s)**(n + 1)/(n + 1)!, against the second one, (rate*s)**2/2.
+  integer, parameter :: launch_order = 13   !! highest order of a series about a launch
+  real(wp), parameter :: half_factorial(5) = [360.0_wp, 20160.0_wp, 1814400.0_wp, &
+      239500800.0_wp, 43589145600.0_wp]     !! (n + 1)!/2 for n = 5, 7, ... 13
+  real(wp), parameter :: reaches(5) = (epsilon(1.0_wp)*half_factorial) &
+      **(1/[4.0_wp, 6.0_wp, 8.0_wp, 10.0_wp, 12.0_wp])
   !> Order of the first derivative that bounds leave out.
   integer, parameter :: bound_order = max_degree + 1
 
@@ -54,6 +59,7 @@ module lapwing_closed_form
     real(wp) :: free_bound = 0                     !! |d^(6)|/6! <= free_bound*E
     real(wp) :: g_bound = 0, q_bound = 0           !! with a series: |g^(6)|/6! and |q^(6)|/6!
     real(wp) :: fastest = 1                        !! rate that bounds a Taylor series' reach
+    real(wp) :: fastest_in_flight = 0              !! and a series' own, of flights
     real(wp) :: period = 1                         !! mesh period
     real(wp) :: q_low = 0, q_high = 0              !! bounds of q
     real(wp) :: g_low = 0, g_high = 0              !! bounds of g, with a series
@@ -84,7 +90,9 @@ contains
     if (harmonic) then
       self%g = series
       self%q = steady_response(series, xi)
-      self%fastest = max(self%fastest, fastest_rate(series))
+      ! Without terms the series reaches as far as numbers do.
+      self%fastest_in_flight = max(fastest_rate(series), tiny(1.0_wp))
+      self%fastest = max(self%fastest, self%fastest_in_flight)
       self%g_bound = bound_derivative(self%g, bound_order)
       self%q_bound = bound_derivative(self%q, bound_order)
     end if
@@ -337,6 +345,12 @@ contains
       choose = choose*(k + 1)/real(k + 1 - bound_order, wp)
     end do
   end function sixth_of
+
+  !> Reach of a series of an odd order from five on.
+  pure real(wp) function reach(n)
+    integer, intent(in) :: n                   !! order
+    reach = reaches((n - 3)/2)
+  end function reach
 
   !> Size of a free oscillation, from above.
   pure real(wp) function free_size(d)

@@ -8,7 +8,7 @@ module lapwing_damped
   use lapwing_kinds, only: wp
   implicit none
   private
-  public :: damped_t, damped, free_motion, free_matrix, turn_undamped, taylor_row, n_taylor
+  public :: damped_t, damped, free_motion, free_matrix, near_matrix, turn_undamped, taylor_row, n_taylor
 
   integer, parameter :: n_taylor = 15   !! derivatives tabulated by `taylor_row`
 
@@ -99,6 +99,25 @@ contains
     matrix(2, 1) = -e
     matrix(2, 2) = d - self%xi*e
   end function free_matrix
+
+  !> The same over a short time of either sign, by the Taylor series: exact to rounding over half a
+  !> panel. With x of unit x and unit x' being c and s, c' = -s and s' = c - 2 xi s.
+  pure function near_matrix(self, s) result(matrix)
+    type(damped_t), intent(in) :: self   !! damping
+    real(wp), intent(in) :: s            !! time
+    real(wp) :: matrix(2, 2), even(2), odd(2), square
+    integer :: k
+    square = s*s
+    even = self%row(:, n_taylor - 1)
+    odd = self%row(:, n_taylor)
+    do k = n_taylor - 3, 0, -2
+      even = even*square + self%row(:, k)
+      odd = odd*square + self%row(:, k + 1)
+    end do
+    matrix(1, :) = even + s*odd
+    matrix(2, 1) = -matrix(1, 2)
+    matrix(2, 2) = matrix(1, 1) - 2*self%xi*matrix(1, 2)
+  end function near_matrix
 
   !> (x, x') without damping, turned through the angle whose cosine and sine are given, and rounded
   !> once. Cycles that are all alike turn it through one angle again and again: the rounding of

@@ -5,12 +5,12 @@
 module lapwing_exact_contact
   use lapwing_kinds, only: wp
   use lapwing_codes, only: drive_flank
-  use lapwing_closed_form, only: locate_panel, reach
+  use lapwing_closed_form, only: locate_panel, launch_order, reach
   use lapwing_damped, only: free_motion, n_taylor
   use lapwing_exact_flight, only: end_t
   use lapwing_first_meeting, only: target_t, first_meeting, quick_return, only_zero
   use lapwing_polynomial, only: max_degree, horner, horner_slope, bernstein_on, least
-  use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_launch, curve_at, &
+  use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_launch, expand_fully, curve_at, &
       free_state, free_in_middle, contact_series, rest_after
   implicit none
   private
@@ -101,18 +101,18 @@ contains
     do
       piece = curve%piece + 1
       knot = scene%table%knot(piece) - curve%t
-      if (elapsed + knot >= reach/scene%form%fastest .or. knot >= last) return
+      if (elapsed + knot >= reach(launch_order)/scene%form%fastest .or. knot >= last) return
       if (piece > scene%table%n) return
-      if (curve%near < 0) call expand_launch(scene, curve)
+      call expand_fully(scene, curve)
       call first_meeting(scene, curve, locate_panel(scene%form, curve%t), .false., goal, 0.0_wp, &
           knot, found, s, x, v)
       if (found) return
-      x = horner(curve%taylor, knot)
-      v = horner_slope(curve%taylor, knot) - scene%table%slope_jump(piece)
+      x = horner(curve%taylor(:curve%degree), knot)
+      v = horner_slope(curve%taylor(:curve%degree), knot) - scene%table%slope_jump(piece)
       elapsed = elapsed + knot
       goal%touching = .false.
       call launch(scene, .true., .true., scene%table%knot(piece), piece, x, v, curve)
-      call expand_launch(scene, curve)
+      call expand_fully(scene, curve)
       last = at_edge(scene, curve%t, stop - elapsed)
     end do
   end subroutine cross_near_knots
@@ -145,7 +145,11 @@ contains
     real(wp), intent(in) :: stop               !! latest end
     logical, intent(out) :: found              !! whether it is one
     real(wp), intent(out) :: s                 !! its end
-    call quick_return(-sign*curve%taylor(2:), sign*curve%v, min(stop, curve%near), found, s)
+    found = .false.
+    s = 0
+    if (1.5_wp*abs(curve%v) > curve%near*abs(curve%taylor(2))) return
+    call quick_return(-sign*curve%taylor(2:curve%degree), sign*curve%v, &
+        min(stop, curve%near), found, s)
   end subroutine short_contact
 
   !> Release of a contact, panel by panel.
@@ -179,7 +183,7 @@ contains
           if (from > 0 .or. curve%t == form%edge(panel)) call only_release(scene, curve, panel, &
               panel - first, goal%sign, free, b, rest, to, settled, found, s, x, v)
           if (.not. settled) then
-            if (curve%near < 0) call expand_launch(scene, curve)
+            call expand_fully(scene, curve)
             call first_meeting(scene, curve, panel, from > 0, &
                 target_t(goal%sign, goal%wall, touching), from, to, found, s, x, v)
           end if
@@ -259,7 +263,7 @@ contains
     x = 0
     v = sign*v
     ! So near to the launch its own series is better.
-    settled = settled .and. s > curve%near
+    settled = settled .and. s > reach(launch_order)/scene%form%fastest
     found = settled .and. s <= to
   end subroutine only_release
 end module lapwing_exact_contact

@@ -5,12 +5,12 @@
 module lapwing_exact_flight
   use lapwing_kinds, only: wp
   use lapwing_codes, only: no_flank, drive_flank, coast_flank
-  use lapwing_closed_form, only: locate_panel
+  use lapwing_closed_form, only: closed_form_t, locate_panel, launch_order, reach
   use lapwing_damped, only: n_taylor
   use lapwing_first_meeting, only: target_t, first_meeting, quick_return, only_zero
   use lapwing_polynomial, only: max_degree, horner, horner_slope, bernstein, bernstein_on, &
       first_descent, least, largest
-  use lapwing_smooth_curve, only: scene_t, curve_t, expand_launch, curve_at, fly_from, &
+  use lapwing_smooth_curve, only: scene_t, curve_t, expand_launch, expand_fully, curve_at, fly_from, &
       flight_series
   implicit none
   private
@@ -63,6 +63,7 @@ contains
     found = .false.
     speed = merge(-curve%v, curve%v, touching == drive_flank)
     if (.not. speed > 0) return
+    if (1.5_wp*speed > curve%near*abs(curve%taylor(2))) return
     most = min(curve%near, stop, (wall(1) - wall(2))/speed)
     n = curve%degree
     if (touching == drive_flank) then
@@ -156,16 +157,17 @@ contains
   !> A flight over a harmonic flank: panels, the first one from the launch.
   pure subroutine flight_over_series(scene, curve, wall, touching, stop, at)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch, its series known
+    type(curve_t), intent(inout) :: curve      !! stretch, its series known
     real(wp), intent(in) :: wall(2)            !! positions of the flanks
     integer, intent(in) :: touching            !! flank at zero distance, left at s = 0
     real(wp), intent(in) :: stop               !! latest end
     type(end_t), intent(out) :: at             !! the end
     real(wp) :: from, to, theta, rate, next, b(0:max_degree), sag
     integer :: panel
-    logical :: out(2)
+    logical :: out(2), leaps
     associate (form => scene%form)
       panel = locate_panel(form, curve%t)
+      leaps = scene%force > 0
       from = 0
       theta = curve%x + curve%flank(1)
       rate = curve%v + curve%flank(2)
@@ -198,6 +200,10 @@ contains
         theta = next
         from = to
         panel = panel + 1
+        if (leaps) then
+          call leap(form, curve%t, scene%force, rate, wall, stop, panel, from, theta)
+          leaps = theta >= form%g_low + wall(1)
+        end if
       end do
       at%s = stop
       if (stop > curve%near .and. curve%t + stop >= form%edge(panel + 1)) then
@@ -208,6 +214,36 @@ contains
       end if
     end associate
   end subroutine flight_over_series
+
+  !> Move on, where that is possible, to the panel in which a flight can first meet the drive flank
+  !> again: a parabola that opens upwards lies below its chord.
+  pure subroutine leap(form, t, force, rate, wall, stop, panel, from, theta)
+    type(closed_form_t), intent(in) :: form    !! scene
+    real(wp), intent(in) :: t                  !! cycle time of the launch
+    real(wp), intent(in) :: force              !! F, positive
+    real(wp), intent(in) :: rate               !! theta' at the launch
+    real(wp), intent(in) :: wall(2)            !! positions of the flanks
+    real(wp), intent(in) :: stop               !! latest end
+    integer, intent(inout) :: panel            !! panel
+    real(wp), intent(inout) :: from            !! its beginning, after the launch
+    real(wp), intent(inout) :: theta           !! position then
+    real(wp) :: here, room, later, there, height
+    integer :: k
+    here = rate + force*from
+    room = (form%g_low + wall(1)) - theta
+    if (.not. room > 0) return
+    if (theta - 0.5_wp*min(here, 0.0_wp)**2/force <= form%g_high + wall(2)) return
+    later = (sqrt(here**2 + 2*force*room) - here)/force
+    k = locate_panel(form, t + min(from + later, stop))
+    if (k <= panel) return
+    there = form%edge(k) - t
+    height = theta + (here + 0.5_wp*force*(there - from))*(there - from)
+    ! The edge is where it is by this, not by the root.
+    if (height >= form%g_low + wall(1) .or. there >= stop) return
+    panel = k
+    from = there
+    theta = height
+  end subroutine leap
 
   !> The one meeting with a wall within a panel, where it is plain that there is just one.
   pure subroutine meet_only(scene, curve, panel, wall, flank, b, to, out, at)
@@ -230,7 +266,7 @@ contains
       s = (here%middle - curve%t) + s
     end associate
     ! So near to the launch its own series is better.
-    if (.not. settled .or. s <= curve%near) return
+    if (.not. settled .or. s <= reach(launch_order)/scene%form%fastest) return
     out(flank) = .true.
     if (s <= to) at = end_t(flank, s, wall(flank), sign*v)
   end subroutine meet_only
@@ -273,7 +309,7 @@ contains
   !> First meeting, within a panel, with those walls that are not ruled out.
   pure subroutine look_closely(scene, curve, panel, wall, touching, from, to, out, at)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(inout) :: curve      !! stretch
     integer, intent(in) :: panel               !! panel
     real(wp), intent(in) :: wall(2)            !! positions of the flanks
     integer, intent(in) :: touching            !! flank left at s = 0
@@ -283,6 +319,7 @@ contains
     real(wp) :: latest, s, x, v
     integer :: flank
     logical :: found
+    call expand_fully(scene, curve)
     latest = to
     do flank = drive_flank, coast_flank
       if (out(flank)) cycle

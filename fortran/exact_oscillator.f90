@@ -11,8 +11,8 @@ module lapwing_exact_oscillator
   use lapwing_oscillator, only: oscillator_t, oscillator, open_table_frame, frame_about
   use lapwing_parameters, only: parameters_t
   use lapwing_polynomial, only: max_degree, first_descent
-  use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_launch, curve_at, flank_taylor, &
-      acceleration_at
+  use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_launch, expand_fully, curve_at, &
+      flank_taylor, acceleration_at
   use lapwing_transmission_error, only: locate_piece
   use lapwing_system, only: instant_t, frame_t, reached_t, max_states
   implicit none
@@ -186,7 +186,7 @@ contains
   pure subroutine begin_curve(self, instant, curve)
     class(exact_oscillator_t), intent(in) :: self
     type(instant_t), intent(in) :: instant       !! where the stretch begins
-    type(curve_t), intent(out) :: curve          !! the curve
+    type(curve_t), intent(inout) :: curve        !! the curve
     integer :: piece
     piece = 1
     if (.not. self%scene%form%harmonic) piece = locate_piece(self%table, instant%t, instant%piece)
@@ -271,7 +271,7 @@ contains
     real(wp), intent(out) :: y(max_states)       !! position and velocity
     type(curve_t) :: curve
     call begin_curve(self, begin, curve)
-    call expand_launch(self%scene, curve)
+    call expand_fully(self%scene, curve)
     y = 0
     call curve_at(self%scene, curve, locate_panel(self%scene%form, begin%t + s), s, y(1), y(2))
   end subroutine inside
@@ -295,7 +295,7 @@ contains
       end if
     end if
     call begin_curve(self, told, curve)
-    call expand_launch(self%scene, curve)
+    call expand_fully(self%scene, curve)
   end subroutine curve_from
 
   !> First turn of the distance to a flank after `from`, which is zero or the last turn found.

@@ -133,19 +133,18 @@ contains
     do i = 1, max_degree - 1
       if (b(i) <= 0) exit
     end do
-    ! Where the polygon of the coefficients crosses, then a step along the first six.
+    ! From where the polygon of the coefficients crosses.
     u = half*(0.4_wp*(i - b(i)/(b(i) - b(i - 1))) - 1)
-    call jet(max_degree, c(0:max_degree), u, value, slope, bend)
-    u = u + halley(value, slope, bend)
     do i = 1, max_newton
       if (.not. abs(u) <= half) return
-      call jet(n_taylor, c, u, value, slope, bend)
+      ! The first time ten terms do: no error of theirs is left after the next.
+      call jet(merge(9, n_taylor, i == 1), c, u, value, slope, bend)
       if (slope >= 0) return
       step = halley(value, slope, bend)
       u = u + step
       slope = slope + 2*bend*step
       ! The error left is of the third order in the step, that of the slope of the second.
-      found = abs(step) <= 0.5_wp*sqrt(epsilon(u))*half
+      found = i > 1 .and. abs(step) <= 0.5_wp*sqrt(epsilon(u))*half
       if (found) exit
     end do
     found = found .and. abs(u) <= half

@@ -5,7 +5,7 @@ module lapwing_harmonic_series
   private
   public :: harmonic_series_t, harmonic_series, steady_response, series_at, expand_series
   public :: derivative_series, bound_derivative, top_order, fastest_rate
-  public :: turned_t, turn_series, turned_value, turned_taylor, max_terms
+  public :: turned_t, turn_series, turned_value, turned_taylor, turned_tail, max_terms
 
   integer, parameter :: top_order = 15   !! highest Taylor coefficient
   integer, parameter :: max_terms = 8    !! terms that count as few
@@ -109,25 +109,45 @@ contains
     end do
   end subroutine turned_value
 
-  !> Taylor coefficients.
-  pure subroutine turned_taylor(self, turned, n, taylor)
+  !> The first six Taylor coefficients.
+  pure subroutine turned_taylor(self, turned, taylor)
     type(harmonic_series_t), intent(in) :: self   !! series
     type(turned_t), intent(in) :: turned          !! its terms
-    integer, intent(in) :: n                      !! highest coefficient, odd
-    real(wp), intent(out) :: taylor(0:n)          !! coefficients, at most top_order
+    real(wp), intent(out) :: taylor(0:5)          !! coefficients
     real(wp) :: even, odd
-    integer :: i, k
-    taylor = 0
+    integer :: i
+    taylor(0) = self%constant
+    taylor(1:5) = 0
     do i = 1, size(self%rate)
       even = self%cosine(i)*turned%c(i) + self%sine(i)*turned%s(i)
       odd = self%sine(i)*turned%c(i) - self%cosine(i)*turned%s(i)
-      do k = 0, n - 1, 2
+      taylor(0) = taylor(0) + even
+      taylor(1) = taylor(1) + self%weight(1, i)*odd
+      taylor(2) = taylor(2) + self%weight(2, i)*even
+      taylor(3) = taylor(3) + self%weight(3, i)*odd
+      taylor(4) = taylor(4) + self%weight(4, i)*even
+      taylor(5) = taylor(5) + self%weight(5, i)*odd
+    end do
+  end subroutine turned_taylor
+
+  !> Taylor coefficients from the seventh on.
+  pure subroutine turned_tail(self, turned, first, last, taylor)
+    type(harmonic_series_t), intent(in) :: self   !! series
+    type(turned_t), intent(in) :: turned          !! its terms
+    integer, intent(in) :: first, last            !! orders, even and odd, at most top_order
+    real(wp), intent(inout) :: taylor(0:last)     !! coefficients
+    real(wp) :: even, odd
+    integer :: i, k
+    taylor(first:last) = 0
+    do i = 1, size(self%rate)
+      even = self%cosine(i)*turned%c(i) + self%sine(i)*turned%s(i)
+      odd = self%sine(i)*turned%c(i) - self%cosine(i)*turned%s(i)
+      do k = first, last, 2
         taylor(k) = taylor(k) + self%weight(k, i)*even
         taylor(k + 1) = taylor(k + 1) + self%weight(k + 1, i)*odd
       end do
     end do
-    taylor(0) = taylor(0) + self%constant
-  end subroutine turned_taylor
+  end subroutine turned_tail
 
   !> Value and slope.
   pure subroutine series_at(self, t, x, slope)
@@ -143,11 +163,12 @@ contains
   pure subroutine expand_series(self, t, n, taylor)
     type(harmonic_series_t), intent(in) :: self   !! series
     real(wp), intent(in) :: t                     !! time
-    integer, intent(in) :: n                      !! highest coefficient, odd
-    real(wp), intent(out) :: taylor(0:n)          !! coefficients, at most top_order
+    integer, intent(in) :: n                      !! highest coefficient, odd, 5 to top_order
+    real(wp), intent(out) :: taylor(0:n)          !! coefficients
     type(turned_t) :: turned
     call turn_series(self, t, turned)
-    call turned_taylor(self, turned, n, taylor)
+    call turned_taylor(self, turned, taylor)
+    if (n > 5) call turned_tail(self, turned, 6, n, taylor)
   end subroutine expand_series
 
   !> Bound of |k-th derivative|/k!, at all times.

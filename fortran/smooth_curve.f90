@@ -6,19 +6,22 @@
 !> Taylor series, so that the smallest bounce keeps its relative precision.
 module lapwing_smooth_curve
   use lapwing_kinds, only: wp
-  use lapwing_closed_form, only: closed_form_t, panel_t, locate_panel, free_size, reach
-  use lapwing_damped, only: free_motion, turn_undamped, n_taylor
-  use lapwing_harmonic_series, only: turned_t, turn_series, turned_value, turned_taylor, &
+  use lapwing_closed_form, only: closed_form_t, panel_t, locate_panel, free_size, &
+      launch_order, reach
+  use lapwing_damped, only: free_motion, near_matrix, turn_undamped, n_taylor
+  use lapwing_harmonic_series, only: turned_t, turn_series, turned_value, turned_taylor, turned_tail, &
       series_at, expand_series
   use lapwing_polynomial, only: max_degree, horner, horner_slope, jet, taylor_shift
   use lapwing_transmission_error, only: te_table_t
   implicit none
   private
-  public :: curve_t, scene_t, launch, expand_launch, curve_at, curve_taylor, flank_taylor
+  public :: curve_t, scene_t, launch, expand_launch, expand_fully, curve_at, curve_taylor, flank_taylor
   public :: rest_after, acceleration_at, free_state, fly_from, free_in_middle
   public :: flight_series, contact_series
 
-  integer, parameter :: launch_order = 13   !! highest term of a series about a launch
+  !> 1/(k (k - 1)) for k from 2 on: two integrations of a power.
+  real(wp), parameter :: over_pairs(2:launch_order) = 1/[2.0_wp, 6.0_wp, 12.0_wp, 20.0_wp, &
+      30.0_wp, 42.0_wp, 56.0_wp, 72.0_wp, 90.0_wp, 110.0_wp, 132.0_wp, 156.0_wp]
 
   !> What all stretches of an oscillator have in common.
   type :: scene_t
@@ -31,7 +34,7 @@ module lapwing_smooth_curve
   type :: curve_t
     logical :: contact = .false.          !! in contact, or in flight
     logical :: moving = .true.            !! whether the flank moves with g
-    integer :: degree = launch_order      !! of its series: less where that ends, as a table does
+    integer :: degree = -1                !! of its series, as far as it is known
     integer :: piece = 1                  !! table piece of the beginning
     real(wp) :: t = 0                     !! cycle time of s = 0
     real(wp) :: x = 0, v = 0              !! position and velocity there
@@ -53,8 +56,11 @@ contains
     real(wp), intent(in) :: t                  !! time in the cycle
     integer, intent(in) :: piece               !! table piece that holds t
     real(wp), intent(in) :: x, v               !! position and velocity
-    type(curve_t), intent(out) :: curve        !! the stretch
+    type(curve_t), intent(inout) :: curve      !! the stretch; not `out`, which would fill it twice
     real(wp) :: q(2)
+    curve%near = -1
+    curve%degree = -1
+    curve%is_turned = .false.
     curve%contact = contact
     curve%moving = moving
     curve%t = t
@@ -109,30 +115,99 @@ contains
     state(2) = d*begin(2) - e*(begin(1) + form%damping%xi*begin(2))
   end function free_state
 
-  !> The Taylor series of a stretch about its beginning, and how far it reaches.
+  !> The Taylor series of a stretch about its beginning, and how far it reaches: as many terms as a
+  !> quick return needs, if there might be one.
   pure subroutine expand_launch(scene, curve)
     type(scene_t), intent(in) :: scene         !! scene
     type(curve_t), intent(inout) :: curve      !! its series is set
-    real(wp) :: g(0:launch_order)
-    if (.not. (curve%contact .or. scene%form%harmonic)) curve%degree = max_degree
-    associate (n => curve%degree)
-      if (scene%form%harmonic .and. curve%moving) then
-        if (.not. curve%is_turned) call turn_series(scene%form%g, curve%t, curve%turned)
-        call turned_taylor(scene%form%g, curve%turned, n, g(0:n))
-      else
-        call flank_taylor(scene, curve%moving, curve%t, curve%piece, g(0:n))
-      end if
-      curve%flank = g(0:1)
-      call motion_taylor(scene, curve%contact, curve%x, curve%v, g(0:n), curve%taylor(0:n))
-    end associate
-    if (curve%degree == launch_order) then
-      curve%near = reach/scene%form%fastest
-      if (.not. scene%form%harmonic) curve%near = min(curve%near, to_knot(scene, curve))
-    else
-      curve%near = to_knot(scene, curve)
-    end if
-    if (.not. curve%moving .and. .not. curve%contact) curve%near = huge(1.0_wp)
+    real(wp) :: most
+    integer :: n
+    call expand_shortly(scene, curve)
+    if (.not. goes_on(scene, curve)) return
+    if (curve%v*curve%taylor(2) >= 0) return
+    ! Twice as far as the return of a parabola lies: see `quick_return`.
+    most = 1.5_wp*abs(curve%v)*fastest(scene, curve)
+    if (most > reach(launch_order)*abs(curve%taylor(2))) return
+    do n = max_degree, launch_order - 2, 2
+      if (most <= reach(n)*abs(curve%taylor(2))) exit
+    end do
+    if (n > max_degree) call expand_up_to(scene, curve, n)
   end subroutine expand_launch
+
+  !> The Taylor series with all its terms.
+  pure subroutine expand_fully(scene, curve)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(inout) :: curve      !! its series is set
+    if (curve%near < 0) call expand_shortly(scene, curve)
+    if (goes_on(scene, curve)) call expand_up_to(scene, curve, launch_order)
+  end subroutine expand_fully
+
+  !> Whether a stretch's series goes on after the sixth term.
+  pure logical function goes_on(scene, curve)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch
+    goes_on = curve%contact .or. (scene%form%harmonic .and. curve%moving)
+  end function goes_on
+
+  !> The first six terms, and how far they reach.
+  pure subroutine expand_shortly(scene, curve)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(inout) :: curve      !! its series is set
+    real(wp) :: g(0:max_degree)
+    if (scene%form%harmonic .and. curve%moving) then
+      if (.not. curve%is_turned) call turn_series(scene%form%g, curve%t, curve%turned)
+      curve%is_turned = .true.
+      call turned_taylor(scene%form%g, curve%turned, g)
+    else
+      call flank_taylor(scene, curve%moving, curve%t, curve%piece, g)
+    end if
+    curve%flank = g(0:1)
+    call motion_taylor(scene, curve%contact, curve%x, curve%v, g, curve%taylor)
+    curve%degree = max_degree
+    call set_reach(scene, curve)
+  end subroutine expand_shortly
+
+  !> More terms, up to an odd order.
+  pure subroutine expand_up_to(scene, curve, n)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(inout) :: curve      !! its series is continued
+    integer, intent(in) :: n                   !! order
+    real(wp) :: g(0:launch_order)
+    integer :: k
+    if (curve%degree >= n) return
+    if (scene%form%harmonic .and. curve%moving) then
+      call turned_tail(scene%form%g, curve%turned, curve%degree + 1, n, g)
+    else
+      g = 0
+    end if
+    associate (c => curve%taylor)
+      do k = curve%degree + 1, n
+        c(k) = -g(k)
+        if (curve%contact) c(k) = c(k) &
+            - (2*scene%form%damping%xi*(k - 1)*c(k - 1) + c(k - 2))*over_pairs(k)
+      end do
+    end associate
+    curve%degree = n
+    call set_reach(scene, curve)
+  end subroutine expand_up_to
+
+  !> How far a stretch's series reaches.
+  pure subroutine set_reach(scene, curve)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(inout) :: curve      !! its reach is set
+    curve%near = huge(1.0_wp)
+    if (goes_on(scene, curve)) curve%near = reach(curve%degree)/fastest(scene, curve)
+    if (curve%moving .and. .not. scene%form%harmonic) curve%near = min(curve%near, &
+        to_knot(scene, curve))
+  end subroutine set_reach
+
+  !> Rate that bounds the reach of a stretch's series.
+  pure real(wp) function fastest(scene, curve)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch
+    fastest = scene%form%fastest
+    if (.not. curve%contact) fastest = scene%form%fastest_in_flight
+  end function fastest
 
   pure real(wp) function to_knot(scene, curve)
     type(scene_t), intent(in) :: scene         !! scene
@@ -162,20 +237,21 @@ contains
   !> Taylor coefficients of the motion from position and velocity: x'' = F - g'' in flight,
   !> x'' = F - g'' - 2 xi x' - x in contact.
   pure subroutine motion_taylor(scene, contact, x, v, g, c)
-    type(scene_t), intent(in) :: scene         !! scene
-    logical, intent(in) :: contact             !! in contact, or in flight
-    real(wp), intent(in) :: x, v               !! position and velocity
-    real(wp), intent(in) :: g(0:)              !! Taylor coefficients of the flank
-    real(wp), intent(out) :: c(0:)             !! and of the motion
+    type(scene_t), intent(in) :: scene             !! scene
+    logical, intent(in) :: contact                 !! in contact, or in flight
+    real(wp), intent(in) :: x, v                   !! position and velocity
+    real(wp), intent(in) :: g(0:max_degree)        !! Taylor coefficients of the flank
+    real(wp), intent(out) :: c(0:max_degree)       !! and of the motion
     real(wp) :: double_xi
     integer :: k
     c = -g
-    c(0:1) = [x, v]
+    c(0) = x
+    c(1) = v
     c(2) = c(2) + 0.5_wp*scene%force
     if (.not. contact) return
     double_xi = 2*scene%form%damping%xi
-    do k = 2, ubound(c, 1)
-      c(k) = c(k) - (double_xi*(k - 1)*c(k - 1) + c(k - 2))/real(k*(k - 1), wp)
+    do k = 2, max_degree
+      c(k) = c(k) - (double_xi*(k - 1)*c(k - 1) + c(k - 2))*over_pairs(k)
     end do
   end subroutine motion_taylor
 
@@ -259,7 +335,7 @@ contains
         q = scene%form%panel(panel)%q_begin
       else
         call turn_series(scene%form%g, curve%t + s, turned)
-        call turned_taylor(scene%form%g, turned, max_degree, g)
+        call turned_taylor(scene%form%g, turned, g)
         if (curve%contact) call turned_value(scene%form%q, turned, q(1), q(2))
       end if
       if (s <= curve%near) then
@@ -306,13 +382,9 @@ contains
     type(scene_t), intent(in) :: scene             !! scene
     type(curve_t), intent(in) :: curve             !! stretch
     integer, intent(in) :: panel                   !! panel
-    real(wp) :: free(2), d, e, d_rate, e_rate, bend, s
-    associate (unit => scene%form%damping%unit)
-      s = scene%form%panel(panel)%middle - curve%t
-      call jet(n_taylor, unit(:, 1), s, d, d_rate, bend)
-      call jet(n_taylor, unit(:, 2), s, e, e_rate, bend)
-      free = [d*curve%free(1) + e*curve%free(2), d_rate*curve%free(1) + e_rate*curve%free(2)]
-    end associate
+    real(wp) :: free(2), matrix(2, 2)
+    matrix = near_matrix(scene%form%damping, scene%form%panel(panel)%middle - curve%t)
+    free = matrix(:, 1)*curve%free(1) + matrix(:, 2)*curve%free(2)
   end function free_in_middle
 
   !> Taylor series of a contact about a panel's middle, exact to rounding over the panel.

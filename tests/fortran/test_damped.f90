@@ -3,7 +3,8 @@
 program test_damped
   use, intrinsic :: iso_fortran_env, only: qp => real128
   use assertions, only: tally_t
-  use lapwing_damped, only: damped_t, damped, free_motion, free_matrix, taylor_row, n_taylor
+  use lapwing_damped, only: damped_t, damped, free_motion, free_matrix, near_matrix, &
+      taylor_row, n_taylor
   use lapwing_kinds, only: wp
   implicit none
 
@@ -21,6 +22,7 @@ program test_damped
   call test_semigroup()
   call test_size_never_grows()
   call test_taylor()
+  call test_near_matrix()
   call tally%finish()
 
 contains
@@ -242,6 +244,25 @@ contains
       factorial = factorial*k
     end do
   end subroutine test_taylor
+
+  !> Half a panel forth and back: exp(2 xi s) < 2 is the most that errors grow by on the way back,
+  !> and one of the eight roundings of each chain may do that.
+  subroutine test_near_matrix()
+    real(wp), parameter :: one(2, 2) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 2])
+    type(damped_t) :: self
+    real(wp) :: m(2, 2), s
+    integer :: i, k
+    do i = 1, size_of(ratios)
+      self = damped(ratios(i))
+      do k = 0, 65
+        s = 0.01_wp*k/max(1.0_wp, 2*ratios(i))
+        m = free_matrix(self, s)
+        call tally%below(maxval(abs(near_matrix(self, s) - m)), 16*eps, "half a panel"//at(i, 1))
+        call tally%below(maxval(abs(matmul(near_matrix(self, -s), m) - one)), 64*eps, &
+            "and back"//at(i, 1))
+      end do
+    end do
+  end subroutine test_near_matrix
 
   function damped_row(xi) result(row)
     real(wp), intent(in) :: xi                    !! damping ratio

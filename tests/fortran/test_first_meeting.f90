@@ -4,9 +4,12 @@ program test_first_meeting
   use assertions, only: tally_t
   use exact_reference, only: qp, seed, uniform, random_scene, amplification, longest_rate
   use lapwing_closed_form, only: locate_panel
-  use lapwing_first_meeting, only: target_t, first_meeting, first_turn, quick_return
+  use lapwing_first_meeting, only: target_t, first_meeting, first_turn, quick_return, &
+      only_zero
+  use lapwing_damped, only: n_taylor
   use lapwing_kinds, only: wp
-  use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_launch, curve_at, &
+  use lapwing_polynomial, only: max_degree, taylor_shift, bernstein_on
+  use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_fully, curve_at, &
       acceleration_at
   use lapwing_transmission_error, only: locate_piece
   implicit none
@@ -23,6 +26,7 @@ program test_first_meeting
   call test_parabola_returns()
   call test_returns_against_bisection()
   call test_returns_refused()
+  call test_only_zero()
   call tally%finish()
 
 contains
@@ -39,7 +43,7 @@ contains
     t = uniform(0.0_wp, scene%form%period)
     call launch(scene, mod(number/2, 2) == 0, .true., t, locate_piece(scene%table, t, 1), &
         uniform(-1.0_wp, 1.0_wp), uniform(-1.0_wp, 1.0_wp), curve)
-    call expand_launch(scene, curve)
+    call expand_fully(scene, curve)
     panel = locate_panel(scene%form, t)
     from = 0
     if (mod(number/4, 2) == 0 .and. panel < scene%form%n) then
@@ -203,7 +207,7 @@ contains
       speed = 10.0_wp**uniform(-12.0_wp, 0.0_wp)
       call launch(scene, mod(i/2, 2) == 0, .true., t, locate_piece(scene%table, t, 1), 0.0_wp, &
           goal%sign*speed, curve)
-      call expand_launch(scene, curve)
+      call expand_fully(scene, curve)
       a = -goal%sign*acceleration_at(scene, curve, panel, 0.0_wp, 0.0_wp, goal%sign*speed)
       call meet(scene, curve, panel, goal, 0.0_wp, to, found, s)
       if (found) then
@@ -331,4 +335,71 @@ contains
     call quick_return([1.0_wp, -0.6_wp], 1.0_wp, 10.0_wp, found, s)
     call tally%is_true(.not. found, "it never comes back")
   end subroutine test_returns_refused
+
+  !> A function of a panel, its first terms' Bernstein coefficients, and the bound of the others.
+  subroutine random_panel(c, half, b, rest)
+    real(wp), intent(out) :: c(0:n_taylor)     !! series about the middle
+    real(wp), intent(out) :: half              !! half the width
+    real(wp), intent(out) :: b(0:max_degree)   !! coefficients
+    real(wp), intent(out) :: rest              !! bound
+    real(wp) :: low(0:max_degree), choose, factorial
+    integer :: k
+    half = 10.0_wp**uniform(-3.0_wp, -0.2_wp)
+    choose = 1
+    rest = 0
+    factorial = 1
+    do k = 0, n_taylor
+      if (k > 0) factorial = factorial*k
+      c(k) = uniform(-1.0_wp, 1.0_wp)/factorial
+      if (k <= max_degree) cycle
+      rest = rest + choose*abs(c(k))*half**k
+      choose = choose*(k + 1)/real(k - max_degree, wp)
+    end do
+    c(0) = c(0)*half
+    low = c(0:max_degree)
+    call taylor_shift(low, -half)
+    b = bernstein_on(low, 2*half)
+  end subroutine random_panel
+
+  !> Where a single zero is claimed, the function is positive before it and negative after it.
+  subroutine test_only_zero()
+    real(wp) :: c(0:n_taylor), half, b(0:max_degree), rest, u, slope
+    real(qp) :: x, size
+    integer :: i, k, claimed, missed
+    logical :: found
+    claimed = 0
+    missed = 0
+    do i = 1, 10*n_curves
+      call random_panel(c, half, b, rest)
+      call only_zero(c, half, b, rest, found, u, slope)
+      if (.not. found) then
+        if (b(0) > 0.1_wp*half .and. b(max_degree) < -0.1_wp*half) missed = missed + 1
+        cycle
+      end if
+      claimed = claimed + 1
+      size = sum(abs(c)*half**[(k, k = 0, n_taylor)])
+      ! One rounding of each term and sum in two chains of eight, and one of u.
+      call tally%near(real(value_of(c, real(u, qp)), wp), 0.0_wp, real(20*eps*size, wp), "zero")
+      call tally%near(slope, real((value_of(c, u + 1.0e-12_qp) - value_of(c, u - 1.0e-12_qp)) &
+          /2.0e-12_qp, wp), 40*eps*(1 + abs(slope)), "slope at the zero")
+      do k = 0, 50
+        x = -half + 2*half*(k/50.0_qp)
+        if (abs(x - u) < 1.0e-6_wp*half) cycle
+        call tally%is_true(value_of(c, x) > 0 .eqv. x < u, "sign on either side")
+      end do
+    end do
+    call tally%below(2000.0_wp, real(claimed, wp), "single zeros")
+    call tally%below(real(missed, wp), 0.2_wp*claimed, "zeros left to a search")
+    print "(a, i0, a, i0)", "measured: single zeros claimed ", claimed, ", left to a search ", missed
+  end subroutine test_only_zero
+
+  pure real(qp) function value_of(c, x)
+    real(wp), intent(in) :: c(0:n_taylor)    !! coefficients
+    real(qp), intent(in) :: x                !! argument
+    integer :: k
+    value_of = 0
+    do k = n_taylor, 0, -1
+      value_of = value_of*x + c(k)
+    end do
+  end function value_of
 end program test_first_meeting

@@ -4,8 +4,8 @@ program test_polynomial
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use assertions, only: tally_t
   use lapwing_kinds, only: wp
-  use lapwing_polynomial, only: max_degree, horner, horner_slope, value_and_slope, taylor_shift, &
-      bernstein, never_below, first_zero, critical_points, lift_off
+  use lapwing_polynomial, only: max_degree, horner, horner_slope, value_and_slope, jet, &
+      taylor_shift, bernstein, never_below, least, largest, first_zero, critical_points, lift_off
   implicit none
 
   !> Rounding of a degree-five polynomial in Horner's scheme is at most 2*degree units of roundoff
@@ -31,7 +31,7 @@ contains
 
   !> 1 + 2x - 3x**2 + x**5 and what follows from it by hand; small integers, hence exact.
   subroutine test_values()
-    real(wp) :: c(0:5), b(0:5), value, slope
+    real(wp) :: c(0:5), b(0:5), high(0:15), value, slope, bend
     c = [1.0_wp, 2.0_wp, -3.0_wp, 0.0_wp, 0.0_wp, 1.0_wp]
     call value_and_slope(c, 2.0_wp, value, slope)
     call tally%near(value, 25.0_wp, 0.0_wp, "value with slope")
@@ -43,6 +43,15 @@ contains
     call tally%near(horner_slope(c, 2.0_wp), 70.0_wp, 0.0_wp, "horner_slope")
     call tally%near(horner(c(0:0), 2.0_wp), 1.0_wp, 0.0_wp, "horner of a constant")
     call tally%near(horner_slope(c(0:1), 7.0_wp), 2.0_wp, 0.0_wp, "slope of a line")
+    call jet(5, c, 2.0_wp, value, slope, bend)
+    call tally%below(maxval(abs([value, slope, bend] - [25, 70, 77])), 0.0_wp, "jet")
+    call tally%near(least(c), -3.0_wp, 0.0_wp, "least coefficient")
+    call tally%near(largest(c), 2.0_wp, 0.0_wp, "largest coefficient")
+    high = 0
+    high(14:15) = [3.0_wp, 1.0_wp]
+    call jet(15, high, 2.0_wp, value, slope, bend)
+    call tally%below(maxval(abs([value, slope, bend] &
+        - [81920, 15*16384 + 42*8192, 105*8192 + 273*4096])), 0.0_wp, "jet of degree 15")
     call taylor_shift(c, 2.0_wp)
     call tally%below(maxval(abs(c - [25, 70, 77, 40, 10, 1])), &
         0.0_wp, "taylor_shift")

@@ -7,7 +7,8 @@ program test_smooth_curve
   use lapwing_closed_form, only: locate_panel
   use lapwing_kinds, only: wp
   use lapwing_polynomial, only: max_degree
-  use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_launch, curve_at, curve_taylor, &
+  use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_launch, expand_fully, &
+      curve_at, curve_taylor, &
       acceleration_at
   use lapwing_transmission_error, only: locate_piece
   implicit none
@@ -41,7 +42,11 @@ contains
     if (chance(0.2_wp)) t = scene%table%knot(piece)
     call launch(scene, contact, moving, t, piece, uniform(-2.0_wp, 2.0_wp), &
         uniform(-2.0_wp, 2.0_wp), curve)
-    call expand_launch(scene, curve)
+    if (chance(0.5_wp)) then
+      call expand_launch(scene, curve)
+    else
+      call expand_fully(scene, curve)
+    end if
   end subroutine random_curve
 
   !> Position and velocity by the equation, from a piece's beginning to time s of the stretch, both
@@ -152,7 +157,7 @@ contains
       if (t + s > scene%table%knot(piece + 1)) cycle
       call launch(scene, mod(i/2, 2) == 0, .true., t, piece, 0.0_wp, s*uniform(-2.0_wp, 2.0_wp), &
           curve)
-      call expand_launch(scene, curve)
+      call expand_fully(scene, curve)
       call curve_at(scene, curve, locate_panel(scene%form, t + s), s, x, v)
       exact = [0.0_qp, real(curve%v, qp)]
       call quad_flow(scene, curve%contact, .true., piece, real(t, qp), real(s, qp), exact(1), &
