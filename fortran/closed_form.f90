@@ -21,8 +21,8 @@ module lapwing_closed_form
   public :: launch_order, reach
 
   !> A panel lasts at most this over the fastest rate: the first term that a series of order 15
-  !> about its middle leaves out, (rate*half)**16/16!, is a quarter of a rounding, and what the first
-  !> six terms leave out of a free oscillation of size E at most (0.66)**6/720 E = 1.1e-4 E.
+  !> about its middle leaves out, (rate*half)**16/16!, is a quarter of a rounding, and what the
+  !> first six terms leave out of a free oscillation of size E at most (0.66)**6/720 E = 1.1e-4 E.
   real(wp), parameter :: panel_span = &
       2*(0.25_wp*epsilon(1.0_wp)*20922789888000.0_wp)**(1.0_wp/16)
   !> A Taylor series of order n is exact to rounding where rate*s is below its reach: the first term
@@ -67,6 +67,7 @@ module lapwing_closed_form
     real(wp), allocatable :: edge(:)               !! (n + 1) limits, tau
     integer, allocatable :: piece(:)               !! (n) table piece it lies in
     integer, allocatable :: look_up(:)             !! panel that holds a point of an even grid
+    real(wp) :: cells = 1                          !! cells of that grid, per tau
     type(panel_t), allocatable :: panel(:)         !! (n)
     real(wp), allocatable :: g_taylor(:, :)        !! (0:5, n + 1) g about the edges, with a series
   end type closed_form_t
@@ -148,6 +149,7 @@ contains
     type(closed_form_t), intent(inout) :: self      !! look_up is set
     integer :: i, panel
     allocate (self%look_up(0:2*self%n))
+    self%cells = 2*self%n/self%period
     panel = 1
     do i = 0, 2*self%n
       do while (panel < self%n)
@@ -162,7 +164,7 @@ contains
   pure integer function locate_panel(self, t) result(panel)
     type(closed_form_t), intent(in) :: self    !! scene
     real(wp), intent(in) :: t                  !! time in the mesh period
-    panel = self%look_up(min(2*self%n, int(t*(2*self%n)/self%period)))
+    panel = self%look_up(min(2*self%n, int(t*self%cells)))
     do while (panel < self%n)
       if (t < self%edge(panel + 1)) exit
       panel = panel + 1

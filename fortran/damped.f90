@@ -8,7 +8,8 @@ module lapwing_damped
   use lapwing_kinds, only: wp
   implicit none
   private
-  public :: damped_t, damped, free_motion, free_matrix, near_matrix, turn_undamped, taylor_row, n_taylor
+  public :: damped_t, damped, free_motion, free_matrix, near_matrix, turn_undamped
+  public :: taylor_row, n_taylor
 
   integer, parameter :: n_taylor = 15   !! derivatives tabulated by `taylor_row`
 

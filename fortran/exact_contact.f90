@@ -9,9 +9,10 @@ module lapwing_exact_contact
   use lapwing_damped, only: free_motion, n_taylor
   use lapwing_exact_flight, only: end_t
   use lapwing_first_meeting, only: target_t, first_meeting, quick_return, only_zero
+  use lapwing_panel_series, only: free_in_middle, contact_series
   use lapwing_polynomial, only: max_degree, horner, horner_slope, bernstein_on, least
   use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_launch, expand_fully, curve_at, &
-      free_state, free_in_middle, contact_series, rest_after
+      free_state, rest_after
   implicit none
   private
   public :: contact_end
@@ -211,13 +212,12 @@ contains
     real(wp), intent(out) :: b(0:max_degree)   !! coefficients
     real(wp), intent(out) :: rest              !! bound
     associate (here => scene%form%panel(panel))
-      b = scene%force + here%d_bernstein(:, 1)*free(1) + here%d_bernstein(:, 2)*free(2)
+      b = sign*scene%force + here%d_bernstein(:, 1)*(sign*free(1)) &
+          + here%d_bernstein(:, 2)*(sign*free(2))
       rest = here%d_rest*(abs(free(1)) + abs(free(2)))
-      if (moving) then
-        b = b + here%q_bernstein
-        rest = rest + here%q_rest
-      end if
-      b = sign*b
+      if (.not. moving) return
+      b = b + sign*here%q_bernstein
+      rest = rest + here%q_rest
     end associate
   end subroutine bound_contact
 
@@ -257,8 +257,8 @@ contains
       call free_motion(scene%form%damping, middle, d, e)
       state = free_state(scene%form, curve%free, d, e)
     end if
-    call contact_series(scene, curve%moving, panel, state, c)
-    call only_zero(sign*c, scene%form%panel(panel)%half, b, rest, settled, s, v)
+    call contact_series(scene, curve%moving, panel, sign, state, c)
+    call only_zero(c, scene%form%panel(panel)%half, b, rest, settled, s, v)
     s = middle + s
     x = 0
     v = sign*v

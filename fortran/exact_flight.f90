@@ -8,10 +8,11 @@ module lapwing_exact_flight
   use lapwing_closed_form, only: closed_form_t, locate_panel, launch_order, reach
   use lapwing_damped, only: n_taylor
   use lapwing_first_meeting, only: target_t, first_meeting, quick_return, only_zero
+  use lapwing_panel_series, only: flight_series
   use lapwing_polynomial, only: max_degree, horner, horner_slope, bernstein, bernstein_on, &
       first_descent, least, largest
-  use lapwing_smooth_curve, only: scene_t, curve_t, expand_launch, expand_fully, curve_at, fly_from, &
-      flight_series
+  use lapwing_smooth_curve, only: scene_t, curve_t, expand_launch, expand_fully, curve_at, &
+      fly_from
   implicit none
   private
   public :: end_t, flight_end, bounce, least_width
@@ -58,7 +59,7 @@ contains
     real(wp), intent(in) :: stop               !! latest end
     logical, intent(out) :: found              !! whether it is one
     type(end_t), intent(out) :: at             !! its end
-    real(wp) :: speed, s, most
+    real(wp) :: speed, s, most, value, slope
     integer :: k, n
     found = .false.
     speed = merge(-curve%v, curve%v, touching == drive_flank)
@@ -75,12 +76,14 @@ contains
     at%flank = touching
     at%s = s
     at%x = wall(touching)
-    ! The velocity without the speed at the beginning, which the return has used up.
-    at%v = (n - 1)*curve%taylor(n)
+    ! With x = v s + s**2 p(s) = 0, the velocity without v is s (p + s p').
+    value = curve%taylor(n)
+    slope = 0
     do k = n - 1, 2, -1
-      at%v = at%v*s + (k - 1)*curve%taylor(k)
+      slope = slope*s + value
+      value = value*s + curve%taylor(k)
     end do
-    at%v = at%v*s
+    at%v = s*(value + s*slope)
   end subroutine bounce
 
   !> A flight over table pieces: on each the motion is a polynomial.
@@ -259,10 +262,9 @@ contains
     real(wp) :: c(0:n_taylor), s, sign, v
     logical :: settled
     sign = merge(-1.0_wp, 1.0_wp, flank == drive_flank)
-    call flight_series(scene, curve, panel, c)
-    c(0) = c(0) - wall(flank)
+    call flight_series(scene, curve, panel, sign, wall(flank), c)
     associate (here => scene%form%panel(panel))
-      call only_zero(sign*c, here%half, sign*(b - wall(flank)), here%g_rest, settled, s, v)
+      call only_zero(c, here%half, sign*(b - wall(flank)), here%g_rest, settled, s, v)
       s = (here%middle - curve%t) + s
     end associate
     ! So near to the launch its own series is better.

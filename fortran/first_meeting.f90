@@ -311,7 +311,7 @@ contains
     real(wp), intent(in) :: limit              !! the series holds up to here
     logical, intent(out) :: found              !! whether there is such a return
     real(wp), intent(out) :: s                 !! when
-    real(wp) :: most, power, tail, term, value, slope, step
+    real(wp) :: most, power, tail, term, next, value, slope, step
     integer :: i, k, n
     found = .false.
     s = 0
@@ -321,9 +321,11 @@ contains
     power = 1
     tail = 0
     n = 0
+    next = 1
     do k = 1, ubound(p, 1)
       power = power*most
-      term = (k + 1)*abs(p(k))*power
+      next = next + 1
+      term = next*abs(p(k))*power
       tail = tail + term
       if (term > 0.125_wp*epsilon(s)*p(0)) n = k
     end do
@@ -334,12 +336,12 @@ contains
     s = s*(1 - p(1)*s/p(0))
     do i = 1, max_newton
       value = p(n)
-      slope = (n + 1)*p(n)
+      slope = 0
       do k = n - 1, 0, -1
+        slope = slope*s + value
         value = value*s + p(k)
-        slope = slope*s + (k + 1)*p(k)
       end do
-      step = (speed - s*value)/slope
+      step = (speed - s*value)/(value + s*slope)
       s = s + step
       ! Convex or concave by p(0)/(4 most) at most, rising by 3/4 p(0): the error left is below
       ! step**2/(3 most).

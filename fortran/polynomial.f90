@@ -55,8 +55,8 @@ contains
     end do
   end subroutine value_and_slope
 
-  !> Value, first derivative and half the second one at x, of odd degree. Even and odd powers side by
-  !> side: chains of additions of half the length.
+  !> Value, first derivative and half the second one at x, of odd degree. Even and odd powers side
+  !> by side: chains of additions of half the length.
   pure subroutine jet(n, c, x, value, slope, bend)
     integer, intent(in) :: n                    !! degree, odd
     real(wp), intent(in) :: c(0:n)              !! coefficients

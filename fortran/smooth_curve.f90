@@ -8,16 +8,16 @@ module lapwing_smooth_curve
   use lapwing_kinds, only: wp
   use lapwing_closed_form, only: closed_form_t, panel_t, locate_panel, free_size, &
       launch_order, reach
-  use lapwing_damped, only: free_motion, near_matrix, turn_undamped, n_taylor
-  use lapwing_harmonic_series, only: turned_t, turn_series, turned_value, turned_taylor, turned_tail, &
-      series_at, expand_series
+  use lapwing_damped, only: free_motion, turn_undamped, n_taylor
+  use lapwing_harmonic_series, only: turned_t, turn_series, turned_value, turned_taylor, &
+      turned_tail, series_at, expand_series
   use lapwing_polynomial, only: max_degree, horner, horner_slope, jet, taylor_shift
   use lapwing_transmission_error, only: te_table_t
   implicit none
   private
-  public :: curve_t, scene_t, launch, expand_launch, expand_fully, curve_at, curve_taylor, flank_taylor
-  public :: rest_after, acceleration_at, free_state, fly_from, free_in_middle
-  public :: flight_series, contact_series
+  public :: curve_t, scene_t, launch, expand_launch, expand_fully, curve_at, curve_taylor
+  public :: flank_taylor
+  public :: rest_after, acceleration_at, free_state, fly_from
 
   !> 1/(k (k - 1)) for k from 2 on: two integrations of a power.
   real(wp), parameter :: over_pairs(2:launch_order) = 1/[2.0_wp, 6.0_wp, 12.0_wp, 20.0_wp, &
@@ -197,8 +197,8 @@ contains
     type(curve_t), intent(inout) :: curve      !! its reach is set
     curve%near = huge(1.0_wp)
     if (goes_on(scene, curve)) curve%near = reach(curve%degree)/fastest(scene, curve)
-    if (curve%moving .and. .not. scene%form%harmonic) curve%near = min(curve%near, &
-        to_knot(scene, curve))
+    if (scene%form%harmonic .or. .not. curve%moving) return
+    curve%near = min(curve%near, to_knot(scene, curve))
   end subroutine set_reach
 
   !> Rate that bounds the reach of a stretch's series.
@@ -376,47 +376,6 @@ contains
     x = scene%force + (q(1) + state(1))
     v = q(2) + state(2)
   end subroutine add_free_part
-
-  !> d and d' in the middle of the panel that holds the launch, which may lie before it.
-  pure function free_in_middle(scene, curve, panel) result(free)
-    type(scene_t), intent(in) :: scene             !! scene
-    type(curve_t), intent(in) :: curve             !! stretch
-    integer, intent(in) :: panel                   !! panel
-    real(wp) :: free(2), matrix(2, 2)
-    matrix = near_matrix(scene%form%damping, scene%form%panel(panel)%middle - curve%t)
-    free = matrix(:, 1)*curve%free(1) + matrix(:, 2)*curve%free(2)
-  end function free_in_middle
-
-  !> Taylor series of a contact about a panel's middle, exact to rounding over the panel.
-  pure subroutine contact_series(scene, moving, panel, free, c)
-    type(scene_t), intent(in) :: scene             !! scene
-    logical, intent(in) :: moving                  !! whether the flank moves with g
-    integer, intent(in) :: panel                   !! panel
-    real(wp), intent(in) :: free(2)                !! d and d' in its middle
-    real(wp), intent(out) :: c(0:n_taylor)         !! coefficients
-    associate (unit => scene%form%damping%unit)
-      c = unit(:, 1)*free(1) + unit(:, 2)*free(2)
-      if (moving) c = c + scene%form%panel(panel)%q
-    end associate
-    c(0) = c(0) + scene%force
-  end subroutine contact_series
-
-  !> The same of a flight over a series.
-  pure subroutine flight_series(scene, curve, panel, c)
-    type(scene_t), intent(in) :: scene             !! scene
-    type(curve_t), intent(in) :: curve             !! stretch
-    integer, intent(in) :: panel                   !! panel
-    real(wp), intent(out) :: c(0:n_taylor)         !! coefficients
-    real(wp) :: s, rate
-    associate (here => scene%form%panel(panel))
-      s = here%middle - curve%t
-      rate = curve%v + curve%flank(2)
-      c = -here%g
-      c(0) = curve%x + (rate + 0.5_wp*scene%force*s)*s - (here%g(0) - curve%flank(1))
-      c(1) = rate + scene%force*s - here%g(1)
-      c(2) = 0.5_wp*scene%force - here%g(2)
-    end associate
-  end subroutine flight_series
 
   !> Bound of |x^(6)|/6! on a panel: of q, and of a free oscillation that never grows.
   pure real(wp) function rest_after(scene, curve, panel) result(rest)

@@ -390,7 +390,7 @@ contains
     end do
     call tally%below(2000.0_wp, real(claimed, wp), "single zeros")
     call tally%below(real(missed, wp), 0.2_wp*claimed, "zeros left to a search")
-    print "(a, i0, a, i0)", "measured: single zeros claimed ", claimed, ", left to a search ", missed
+    print "(a, i0, a, i0)", "measured: single zeros claimed ", claimed, ", searched for ", missed
   end subroutine test_only_zero
 
   pure real(qp) function value_of(c, x)

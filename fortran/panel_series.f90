@@ -1,0 +1,57 @@
+!> The motion over a panel as one Taylor series about its middle, exact to rounding: no sines, no
+!> exponentials.
+module lapwing_panel_series
+  use lapwing_kinds, only: wp
+  use lapwing_damped, only: near_matrix, n_taylor
+  use lapwing_smooth_curve, only: scene_t, curve_t
+  implicit none
+  private
+  public :: free_in_middle, contact_series, flight_series
+
+contains
+
+  !> d and d' in the middle of the panel that holds the launch, which may lie before it.
+  pure function free_in_middle(scene, curve, panel) result(free)
+    type(scene_t), intent(in) :: scene             !! scene
+    type(curve_t), intent(in) :: curve             !! stretch
+    integer, intent(in) :: panel                   !! panel
+    real(wp) :: free(2), matrix(2, 2)
+    matrix = near_matrix(scene%form%damping, scene%form%panel(panel)%middle - curve%t)
+    free = matrix(:, 1)*curve%free(1) + matrix(:, 2)*curve%free(2)
+  end function free_in_middle
+
+  !> Taylor series of sign*x about a panel's middle in contact, exact to rounding over the panel.
+  pure subroutine contact_series(scene, moving, panel, sign, free, c)
+    type(scene_t), intent(in) :: scene             !! scene
+    logical, intent(in) :: moving                  !! whether the flank moves with g
+    integer, intent(in) :: panel                   !! panel
+    real(wp), intent(in) :: sign                   !! +1 or -1
+    real(wp), intent(in) :: free(2)                !! d and d' in its middle
+    real(wp), intent(out) :: c(0:n_taylor)         !! coefficients
+    associate (unit => scene%form%damping%unit)
+      c = unit(:, 1)*(sign*free(1)) + unit(:, 2)*(sign*free(2))
+    end associate
+    if (moving) c = c + sign*scene%form%panel(panel)%q
+    c(0) = c(0) + sign*scene%force
+  end subroutine contact_series
+
+  !> The same of sign*(x - wall) in a flight over a series.
+  pure subroutine flight_series(scene, curve, panel, sign, wall, c)
+    type(scene_t), intent(in) :: scene             !! scene
+    type(curve_t), intent(in) :: curve             !! stretch
+    integer, intent(in) :: panel                   !! panel
+    real(wp), intent(in) :: sign                   !! +1 or -1
+    real(wp), intent(in) :: wall                   !! position
+    real(wp), intent(out) :: c(0:n_taylor)         !! coefficients
+    real(wp) :: s, rate
+    associate (here => scene%form%panel(panel))
+      s = here%middle - curve%t
+      rate = curve%v + curve%flank(2)
+      c = -sign*here%g
+      c(0) = sign*((curve%x - wall) + (rate + 0.5_wp*scene%force*s)*s &
+          - (here%g(0) - curve%flank(1)))
+      c(1) = sign*(rate + scene%force*s - here%g(1))
+      c(2) = sign*(0.5_wp*scene%force - here%g(2))
+    end associate
+  end subroutine flight_series
+end module lapwing_panel_series
