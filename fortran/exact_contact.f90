@@ -212,12 +212,13 @@ contains
     real(wp), intent(out) :: b(0:max_degree)   !! coefficients
     real(wp), intent(out) :: rest              !! bound
     associate (here => scene%form%panel(panel))
-      b = sign*scene%force + here%d_bernstein(:, 1)*(sign*free(1)) &
-          + here%d_bernstein(:, 2)*(sign*free(2))
+      b = scene%force + here%d_bernstein(:, 1)*free(1) + here%d_bernstein(:, 2)*free(2)
       rest = here%d_rest*(abs(free(1)) + abs(free(2)))
-      if (.not. moving) return
-      b = b + sign*here%q_bernstein
-      rest = rest + here%q_rest
+      if (moving) then
+        b = b + here%q_bernstein
+        rest = rest + here%q_rest
+      end if
+      if (sign < 0) b = -b
     end associate
   end subroutine bound_contact
 

@@ -29,10 +29,11 @@ contains
     real(wp), intent(in) :: free(2)                !! d and d' in its middle
     real(wp), intent(out) :: c(0:n_taylor)         !! coefficients
     associate (unit => scene%form%damping%unit)
-      c = unit(:, 1)*(sign*free(1)) + unit(:, 2)*(sign*free(2))
+      c = unit(:, 1)*free(1) + unit(:, 2)*free(2)
     end associate
-    if (moving) c = c + sign*scene%form%panel(panel)%q
-    c(0) = c(0) + sign*scene%force
+    if (moving) c = c + scene%form%panel(panel)%q
+    c(0) = c(0) + scene%force
+    if (sign < 0) c = -c
   end subroutine contact_series
 
   !> The same of sign*(x - wall) in a flight over a series.
