@@ -218,7 +218,7 @@ contains
         b = b + here%q_bernstein
         rest = rest + here%q_rest
       end if
-      if (sign < 0) b = -b
+      b = sign*b
     end associate
   end subroutine bound_contact
 
@@ -258,8 +258,8 @@ contains
       call free_motion(scene%form%damping, middle, d, e)
       state = free_state(scene%form, curve%free, d, e)
     end if
-    call contact_series(scene, curve%moving, panel, sign, state, c)
-    call only_zero(c, scene%form%panel(panel)%half, b, rest, settled, s, v)
+    call contact_series(scene, curve%moving, panel, state, c)
+    call only_zero(sign*c, scene%form%panel(panel)%half, b, rest, settled, s, v)
     s = middle + s
     x = 0
     v = sign*v

@@ -20,12 +20,11 @@ contains
     free = matrix(:, 1)*curve%free(1) + matrix(:, 2)*curve%free(2)
   end function free_in_middle
 
-  !> Taylor series of sign*x about a panel's middle in contact, exact to rounding over the panel.
-  pure subroutine contact_series(scene, moving, panel, sign, free, c)
+  !> Taylor series of x about a panel's middle in contact, exact to rounding over the panel.
+  pure subroutine contact_series(scene, moving, panel, free, c)
     type(scene_t), intent(in) :: scene             !! scene
     logical, intent(in) :: moving                  !! whether the flank moves with g
     integer, intent(in) :: panel                   !! panel
-    real(wp), intent(in) :: sign                   !! +1 or -1
     real(wp), intent(in) :: free(2)                !! d and d' in its middle
     real(wp), intent(out) :: c(0:n_taylor)         !! coefficients
     associate (unit => scene%form%damping%unit)
@@ -33,10 +32,9 @@ contains
     end associate
     if (moving) c = c + scene%form%panel(panel)%q
     c(0) = c(0) + scene%force
-    if (sign < 0) c = -c
   end subroutine contact_series
 
-  !> The same of sign*(x - wall) in a flight over a series.
+  !> The same, of sign*(x - wall), in a flight over a series.
   pure subroutine flight_series(scene, curve, panel, sign, wall, c)
     type(scene_t), intent(in) :: scene             !! scene
     type(curve_t), intent(in) :: curve             !! stretch
