@@ -5,7 +5,7 @@
 module lapwing_exact_contact
   use lapwing_kinds, only: wp
   use lapwing_codes, only: drive_flank
-  use lapwing_closed_form, only: locate_panel, launch_order, reach
+  use lapwing_closed_form, only: locate_panel, free_size, launch_order, reach
   use lapwing_damped, only: free_motion, n_taylor
   use lapwing_exact_flight, only: end_t
   use lapwing_first_meeting, only: target_t, first_meeting, quick_return, only_zero
@@ -163,7 +163,7 @@ contains
     logical, intent(out) :: found              !! whether there is one
     real(wp), intent(out) :: s                 !! when
     real(wp), intent(out) :: x, v              !! position and velocity then
-    real(wp) :: from, to, free(2), b(0:max_degree), rest
+    real(wp) :: from, to, free(2), size_before, b(0:max_degree), rest
     integer :: first
     logical :: out, settled, touching
     associate (form => scene%form)
@@ -194,13 +194,45 @@ contains
           panel = 0
           return
         end if
+        size_before = free_size(free)
         free = form%panel(panel)%d_matrix(:, 1)*free(1) + form%panel(panel)%d_matrix(:, 2)*free(2)
         touching = .false.
-        from = to
         panel = panel + 1
+        if (scene%blocks%panels > 0) then
+          call pass_blocks(scene, curve%moving, goal%sign, size_before, panel, free)
+          ! What is passed may hold the stop.
+          if (form%edge(panel) - curve%t >= stop .or. panel > form%n) then
+            panel = 0
+            return
+          end if
+        end if
+        from = form%edge(panel) - curve%t
       end do
     end associate
   end subroutine release
+
+  !> From a panel that begins a block past all blocks over which the free oscillation, which never
+  !> grows, is too small to let the tooth off.
+  pure subroutine pass_blocks(scene, moving, sign, size_before, panel, free)
+    type(scene_t), intent(in) :: scene         !! scene
+    logical, intent(in) :: moving              !! whether the flank moves with g
+    real(wp), intent(in) :: sign               !! +1 at the drive flank, -1 at the coast flank
+    real(wp), intent(in) :: size_before        !! size of the free oscillation, earlier
+    integer, intent(inout) :: panel            !! panel, then the one to be looked at next, or n + 1
+    real(wp), intent(inout) :: free(2)         !! d and d' in its middle
+    real(wp) :: margin
+    associate (blocks => scene%blocks)
+      do while (mod(panel - 1, blocks%panels) == 0 .and. panel <= scene%form%n)
+        associate (block => blocks%over((panel - 1)/blocks%panels + 1))
+          margin = sign*scene%force
+          if (moving) margin = margin + merge(block%q_low, -block%q_high, sign > 0)
+          if (size_before >= margin) return
+          free = block%d_matrix(:, 1)*free(1) + block%d_matrix(:, 2)*free(2)
+        end associate
+        panel = min(panel + blocks%panels, scene%form%n + 1)
+      end do
+    end associate
+  end subroutine pass_blocks
 
   !> Bernstein coefficients of sign*x over a panel, and a bound of what they leave out.
   pure subroutine bound_contact(scene, moving, sign, panel, free, b, rest)

@@ -13,6 +13,7 @@ module lapwing_exact_flight
       first_descent, least, largest
   use lapwing_smooth_curve, only: scene_t, curve_t, expand_launch, expand_fully, curve_at, &
       fly_from
+  use lapwing_transmission_error, only: locate_piece
   implicit none
   private
   public :: end_t, flight_end, bounce, least_width
@@ -95,7 +96,7 @@ contains
     real(wp), intent(in) :: stop               !! latest end
     type(end_t), intent(out) :: at             !! the end
     real(wp) :: c(0:max_degree), begin, to, s
-    integer :: piece, left
+    integer :: piece, next, left
     c = curve%taylor(0:max_degree)
     piece = curve%piece
     begin = 0
@@ -111,14 +112,56 @@ contains
       left = no_flank
       begin = to
       piece = piece + 1
-      c = -scene%table%coefficient(:, piece)
-      c(0) = at%x
-      ! Off kinks the jump is rounding, but left out it would add up to a mean force.
-      c(1) = at%v - scene%table%slope_jump(piece)
+      next = piece
+      if (scene%blocks%pieces > 0) call pass_blocks(scene, curve, wall, stop, next)
+      c = -scene%table%coefficient(:, next)
+      if (next == piece) then
+        c(0) = at%x
+        ! Off kinks the jump is rounding, but left out it would add up to a mean force.
+        c(1) = at%v - scene%table%slope_jump(piece)
+      else
+        piece = next
+        begin = scene%table%knot(piece) - curve%t
+        call fly_from(scene, curve, begin, scene%table%coefficient(0, piece), &
+            scene%table%coefficient(1, piece), c(0), c(1))
+      end if
       c(2) = c(2) + 0.5_wp*scene%force
     end do
     if (at%flank == no_flank) at%s = stop
   end subroutine flight_over_table
+
+  !> From a piece that begins a block past all blocks on which neither flank can be met: a parabola
+  !> lies on one side of its chord, no farther from it than acceleration*duration**2/8.
+  pure subroutine pass_blocks(scene, curve, wall, stop, piece)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch
+    real(wp), intent(in) :: wall(2)            !! positions of the flanks
+    real(wp), intent(in) :: stop               !! latest end
+    integer, intent(inout) :: piece            !! piece, then the one to be looked at next
+    real(wp) :: begin, finish, theta, next, sag, rate
+    integer :: block, after
+    rate = curve%v + curve%flank(2)
+    do
+      if (mod(piece - 1, scene%blocks%pieces) /= 0) return
+      block = (piece - 1)/scene%blocks%pieces + 1
+      after = min(piece + scene%blocks%pieces, scene%table%n + 1)
+      begin = scene%table%knot(piece) - curve%t
+      finish = min(scene%table%knot(after) - curve%t, stop)
+      theta = (curve%x + curve%flank(1)) + (rate + 0.5_wp*scene%force*begin)*begin
+      next = (curve%x + curve%flank(1)) + (rate + 0.5_wp*scene%force*finish)*finish
+      sag = 0.125_wp*scene%force*(finish - begin)**2
+      if (max(theta, next) - min(sag, 0.0_wp) >= scene%blocks%g_low(block) + wall(1) .or. &
+          min(theta, next) - max(sag, 0.0_wp) <= scene%blocks%g_high(block) + wall(2)) return
+      if (finish >= stop) then
+        ! The piece with the stop in it, or at its end, is looked at like any other.
+        after = locate_piece(scene%table, curve%t + stop, after - 1)
+        if (scene%table%knot(after) - curve%t >= stop) after = after - 1
+        piece = max(piece, after)
+        return
+      end if
+      piece = after
+    end do
+  end subroutine pass_blocks
 
   !> First wall that a polynomial meets.
   pure subroutine meet_walls(c, length, wall, left, flank, s)

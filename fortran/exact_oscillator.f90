@@ -2,6 +2,7 @@
 module lapwing_exact_oscillator
   use lapwing_kinds, only: wp
   use lapwing_codes, only: separation, no_flank, drive_flank, coast_flank
+  use lapwing_blocks, only: blocks_of
   use lapwing_closed_form, only: closed_form, locate_panel
   use lapwing_exact_inside, only: next_turn, farthest
   use lapwing_exact_contact, only: contact_end
@@ -55,6 +56,7 @@ contains
     call follow_force(self)
     self%scene%table = self%table
     self%scene%form = closed_form(self%table, g, harmonic, parameters%damping_ratio, self%period)
+    self%scene%blocks = blocks_of(self%scene%form, self%table)
     if (harmonic .and. self%rigid) then
       self%push%force = 0
       self%push%table = self%table

@@ -6,6 +6,7 @@
 !> Taylor series, so that the smallest bounce keeps its relative precision.
 module lapwing_smooth_curve
   use lapwing_kinds, only: wp
+  use lapwing_blocks, only: blocks_t
   use lapwing_closed_form, only: closed_form_t, panel_t, locate_panel, free_size, &
       launch_order, reach
   use lapwing_damped, only: free_motion, turn_undamped, n_taylor
@@ -28,6 +29,7 @@ module lapwing_smooth_curve
     real(wp) :: force = 1                 !! F
     type(te_table_t) :: table             !! g as a table
     type(closed_form_t) :: form           !! what is computed beforehand
+    type(blocks_t) :: blocks              !! and bounded together, where there is much of it
   end type scene_t
 
   !> One stretch.

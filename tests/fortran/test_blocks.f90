@@ -1,0 +1,203 @@
+!> Blocks of panels and pieces: their bounds, and that passing by the block changes no end.
+program test_blocks
+  use assertions, only: tally_t
+  use exact_reference, only: seed, uniform, chance, pick, table_scene, series_scene, random_series
+  use lapwing_blocks, only: blocks_of
+  use lapwing_codes, only: drive_flank, coast_flank, no_flank
+  use lapwing_closed_form, only: free_size
+  use lapwing_exact_contact, only: contact_end
+  use lapwing_exact_flight, only: end_t, flight_end
+  use lapwing_exact_inside, only: farthest
+  use lapwing_harmonic_series, only: harmonic_series_t, harmonic_series, series_at
+  use lapwing_kinds, only: wp
+  use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_launch, flank_taylor
+  use lapwing_transmission_error, only: locate_piece
+  implicit none
+
+  real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
+  real(wp), parameter :: rounding = 1.0e-14_wp   ! of g and q, of size 1 to 10
+  integer, parameter :: n_scenes = 60, n_stretches = 60
+  type(tally_t) :: tally
+  integer :: i
+
+  call seed(20261122)
+  call test_few_have_none()
+  do i = 1, n_scenes
+    call test_scene(many(i))
+  end do
+  call tally%finish()
+
+contains
+
+  !> A scene of many panels: a table through a smooth function, or a series over a long period.
+  function many(i) result(scene)
+    integer, intent(in) :: i                 !! number of the scene
+    type(scene_t) :: scene
+    real(wp), allocatable :: series(:, :)
+    integer :: n
+    series = random_series(3)
+    if (mod(i, 4) == 0) then
+      scene = series_scene(series, two_pi*(12.4_wp + i), 0.1_wp, uniform(-0.3_wp, 1.0_wp))
+    else
+      n = int(10.0_wp**uniform(1.72_wp, 3.1_wp))
+      scene = smooth_table(series, n, two_pi*uniform(1.3_wp, 9.6_wp), &
+          pick([0.03_wp, 0.1_wp, 1.0_wp]), uniform(-0.3_wp, 1.0_wp), chance(0.5_wp))
+    end if
+    scene%blocks = blocks_of(scene%form, scene%table)
+  end function many
+
+  !> Cubic pieces through values and slopes of a series; with a kink in the middle, if wanted.
+  function smooth_table(series, n, period, xi, force, kinked) result(scene)
+    real(wp), intent(in) :: series(:, :)     !! order, amplitude, shift
+    integer, intent(in) :: n                 !! pieces
+    real(wp), intent(in) :: period, xi, force     !! P, damping ratio, F
+    logical, intent(in) :: kinked            !! whether there is a kink
+    type(scene_t) :: scene
+    type(harmonic_series_t) :: g
+    real(wp) :: knots(n + 1), c(0:5, n), value(n + 1), slope(n + 1), h
+    logical :: kinks(n)
+    integer :: k
+    g = harmonic_series(series, 1.0_wp, two_pi)
+    knots = [(real(k, wp)/n, k = 0, n)]
+    do k = 1, n + 1
+      call series_at(g, knots(k), value(k), slope(k))
+    end do
+    value(n + 1) = value(1)
+    slope(n + 1) = slope(1)
+    c = 0
+    kinks = .false.
+    do k = 1, n
+      h = knots(k + 1) - knots(k)
+      c(0:1, k) = [value(k), slope(k)]
+      c(2, k) = (3*(value(k + 1) - value(k))/h - 2*slope(k) - slope(k + 1))/h
+      c(3, k) = (slope(k) + slope(k + 1) - 2*(value(k + 1) - value(k))/h)/h**2
+    end do
+    if (kinked) then
+      k = n/2 + 1
+      kinks(k) = .true.
+      c(1, k) = c(1, k) + 0.5_wp*(knots(k + 1) - knots(k))*c(2, k)
+    end if
+    scene = table_scene(knots, c, kinks, period, xi, force)
+  end function smooth_table
+
+  !> A scene of few panels is left alone.
+  subroutine test_few_have_none()
+    type(scene_t) :: scene
+    scene = series_scene(random_series(1), two_pi, 0.1_wp, 1.0_wp)
+    scene%blocks = blocks_of(scene%form, scene%table)
+    call tally%is_true(scene%blocks%panels == 0 .and. scene%blocks%pieces == 0, "no blocks")
+  end subroutine test_few_have_none
+
+  subroutine test_scene(scene)
+    type(scene_t), intent(in) :: scene       !! scene with blocks
+    integer :: k
+    call tally%is_true(scene%blocks%panels > 1, "there are blocks")
+    call check_bounds(scene)
+    do k = 1, n_stretches
+      call compare_flights(scene)
+      call compare_contacts(scene)
+    end do
+  end subroutine test_scene
+
+  !> g, the response and the free oscillation lie within the bounds of their block.
+  subroutine check_bounds(scene)
+    type(scene_t), intent(in) :: scene       !! scene with blocks
+    real(wp) :: t, g(0:5), free(2), step(2)
+    integer :: panel, piece, k, next
+    logical :: inside
+    inside = .true.
+    do panel = 1, scene%form%n
+      do k = 0, 10
+        t = scene%form%edge(panel) &
+            + 0.0999_wp*k*(scene%form%edge(panel + 1) - scene%form%edge(panel))
+        piece = scene%form%piece(panel)
+        call flank_taylor(scene, .true., t, piece, g)
+        associate (block => scene%blocks%over((panel - 1)/scene%blocks%panels + 1))
+          inside = inside .and. g(0) >= block%g_low - rounding .and. g(0) <= block%g_high + rounding
+          inside = inside .and. scene%form%panel(panel)%q_begin(1) >= block%q_low - rounding &
+              .and. scene%form%panel(panel)%q_begin(1) <= block%q_high + rounding
+        end associate
+        if (scene%blocks%pieces == 0) cycle
+        inside = inside .and. &
+            g(0) >= scene%blocks%g_low((piece - 1)/scene%blocks%pieces + 1) - rounding .and. &
+            g(0) <= scene%blocks%g_high((piece - 1)/scene%blocks%pieces + 1) + rounding
+      end do
+    end do
+    call tally%is_true(inside, "bounds of blocks hold")
+    do panel = 1, scene%form%n - scene%blocks%panels, scene%blocks%panels
+      free = [0.3_wp, -0.7_wp]
+      step = matmul(scene%blocks%over((panel - 1)/scene%blocks%panels + 1)%d_matrix, free)
+      do next = panel, panel + scene%blocks%panels - 1
+        free = matmul(scene%form%panel(next)%d_matrix, free)
+      end do
+      call tally%below(free_size(step - free), 1.0e-13_wp, "a block's free oscillation is its panels'")
+    end do
+  end subroutine check_bounds
+
+  !> Begin a stretch anywhere in the period; until the next kink or the period's end.
+  subroutine begin(scene, contact, x, v, curve, stop)
+    type(scene_t), intent(in) :: scene       !! scene
+    logical, intent(in) :: contact           !! which of the two
+    real(wp), intent(in) :: x, v             !! position and velocity
+    type(curve_t), intent(out) :: curve      !! stretch
+    real(wp), intent(out) :: stop            !! latest end
+    real(wp) :: t
+    integer :: piece
+    t = uniform(0.0_wp, scene%form%period)*pick([0.0_wp, 0.1_wp, 1.0_wp])
+    piece = locate_piece(scene%table, t, 1)
+    call launch(scene, contact, .true., t, piece, x, v, curve)
+    call expand_launch(scene, curve)
+    stop = scene%form%period - t
+    if (.not. scene%form%harmonic) stop = scene%table%knot(scene%table%next_kink(piece)) - t
+    if (chance(0.3_wp)) stop = stop*uniform(0.0_wp, 1.0_wp)
+  end subroutine begin
+
+  subroutine compare_flights(scene)
+    type(scene_t), intent(in) :: scene       !! scene with blocks
+    type(scene_t) :: plain
+    type(curve_t) :: curve, again
+    type(end_t) :: at, other
+    real(wp) :: stop, wall(2)
+    wall = [0.0_wp, -pick([0.3_wp, 2.0_wp, 20.0_wp])]
+    call begin(scene, .false., uniform(wall(2), 0.0_wp), uniform(-2.0_wp, 2.0_wp), curve, stop)
+    again = curve
+    plain = scene
+    plain%blocks%panels = 0
+    plain%blocks%pieces = 0
+    call flight_end(scene, curve, wall, no_flank, stop, at)
+    call flight_end(plain, again, wall, no_flank, stop, other)
+    call compare(at, other, "flight")
+    call tally%near(farthest(scene, curve, -1.0_wp, at%s, 0.1_wp), &
+        farthest(plain, curve, -1.0_wp, at%s, 0.1_wp), 1.0e-11_wp, "deepest point of a flight")
+  end subroutine compare_flights
+
+  subroutine compare_contacts(scene)
+    type(scene_t), intent(in) :: scene       !! scene with blocks
+    type(scene_t) :: plain
+    type(curve_t) :: curve, again
+    type(end_t) :: at, other
+    real(wp) :: stop, inward
+    integer :: flank
+    flank = merge(drive_flank, coast_flank, chance(0.6_wp))
+    inward = merge(1.0_wp, -1.0_wp, flank == drive_flank)
+    call begin(scene, .true., inward*uniform(0.0_wp, 1.5_wp), uniform(-1.0_wp, 1.0_wp), curve, stop)
+    again = curve
+    plain = scene
+    plain%blocks%panels = 0
+    call contact_end(scene, curve, flank, .false., stop, at)
+    call contact_end(plain, again, flank, .false., stop, other)
+    call compare(at, other, "contact")
+    call tally%near(farthest(scene, curve, -1.0_wp, at%s, 0.1_wp), &
+        farthest(plain, curve, -1.0_wp, at%s, 0.1_wp), 1.0e-11_wp, "deepest point of a contact")
+  end subroutine compare_contacts
+
+  !> Two ways to the same end. Rounding: some hundred pieces walked, meetings at a slant.
+  subroutine compare(at, other, what)
+    type(end_t), intent(in) :: at, other     !! ends
+    character(*), intent(in) :: what         !! what ends
+    call tally%equal(at%flank, other%flank, what//": the same flank")
+    call tally%near(at%s, other%s, 1.0e-8_wp, what//": the same time")
+    call tally%near(at%x, other%x, 1.0e-11_wp, what//": the same position")
+    call tally%near(at%v, other%v, 1.0e-8_wp, what//": the same velocity")
+  end subroutine compare
+end program test_blocks
