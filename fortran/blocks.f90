@@ -17,8 +17,8 @@ module lapwing_blocks
   type :: block_t
     real(wp) :: g_low = huge(1.0_wp), g_high = -huge(1.0_wp)   !! of g
     real(wp) :: q_low = huge(1.0_wp), q_high = -huge(1.0_wp)   !! of the response q
-    real(wp) :: d_matrix(2, 2) = 0          !! free oscillation from the middle of the first panel to
-                                            !! that of the next block's
+    !> Free oscillation from the middle of the first panel to that of the next block's.
+    real(wp) :: d_matrix(2, 2) = 0
   end type block_t
 
   type :: blocks_t

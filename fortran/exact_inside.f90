@@ -54,7 +54,7 @@ contains
         last = last_of_block(scene, panel)
         finish = min(scene%form%edge(last + 1) - curve%t, until)
         if (pass == 1) then
-          if (finish >= until) last = max(panel, min(last, locate_panel(scene%form, curve%t + until)))
+          if (finish >= until) last = min(last, locate_panel(scene%form, curve%t + until))
           call curve_at(scene, curve, last, finish, x, v)
           most = max(most, sign*x)
         else if (last > panel) then

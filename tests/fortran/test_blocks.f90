@@ -130,7 +130,8 @@ contains
       do next = panel, panel + scene%blocks%panels - 1
         free = matmul(scene%form%panel(next)%d_matrix, free)
       end do
-      call tally%below(free_size(step - free), 1.0e-13_wp, "a block's free oscillation is its panels'")
+      call tally%below(free_size(step - free), 1.0e-13_wp, &
+          "a block's free oscillation is its panels'")
     end do
   end subroutine check_bounds
 
