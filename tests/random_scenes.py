@@ -31,7 +31,7 @@ def transmission_error(rng):
                                           rng.uniform(0, 2 * np.pi, n))
     if kind == 1:
         return TransmissionError.parabola(rng.choice([-1, 1]) * rng.uniform(0.2, 1))
-    n = int(np.exp(rng.uniform(np.log(3), np.log(41))))
+    n = int(np.exp(rng.uniform(np.log(3), np.log(301))))
     width = rng.dirichlet(np.full(n, 4.0))
     phase = np.append(0.0, np.cumsum(width)[:-1])
     if rng.random() < 0.5:
