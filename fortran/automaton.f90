@@ -103,7 +103,6 @@ contains
     if (state%instant%touching == flank) return
     call system%contact(segment%frame, flank, 0.0_wp, z, distance, approach)
     if (distance < 0) return
-    call system%unfold(segment%frame)
     if (approach < 0 .or. (.not. approach > 0 &
         .and. pressing_sign(system, segment%frame, flank, 0.0_wp, z) < 0)) then
       call let_go(system, state, segment, flank, approach)

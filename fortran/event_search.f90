@@ -58,7 +58,6 @@ contains
     logical :: clear
     crossing%found = .false.
     crossing%frame = frame
-    call system%unfold(crossing%frame)
     touching_here = touching
     do
       if (motion_state == separation) then

@@ -8,16 +8,21 @@ module lapwing_flank_frames
   use lapwing_transmission_error, only: te_table_t, piece_at, expand_at
   implicit none
   private
-  public :: open_folded, fill_in, move_to, flank_in_frame, flank_over_step
+  public :: open_in_contact, move_to, flank_in_frame, flank_over_step
+
+  !> Over so many pieces a frame is moved one by one, which keeps the relative precision of a small
+  !> bounce across a knot. One that takes longer is larger than the rounding of the table.
+  integer, parameter :: few_pieces = 4
 
 contains
 
-  !> The frame of a step in contact, its flanks left for `fill_in`: most steps never ask for them.
-  pure subroutine open_folded(table, instant, frame)
+  !> The frame of a step in contact.
+  pure subroutine open_in_contact(table, width, instant, frame)
     type(te_table_t), intent(in) :: table        !! motion of the flanks
+    real(wp), intent(in) :: width                !! distance between them, rad
     type(instant_t), intent(in) :: instant       !! where the step begins
     type(frame_t), intent(inout) :: frame        !! its frame
-    frame%folded = .true.
+    real(wp) :: g(0:max_degree)
     frame%chart = instant%chart
     frame%t = instant%t
     frame%piece = piece_at(table, instant%t)
@@ -25,21 +30,12 @@ contains
     frame%piece_end = table%knot(frame%piece + 1) - instant%t
     frame%stop_knot = table%next_felt(frame%piece)
     frame%stop = table%knot(frame%stop_knot) - instant%t
-    call value_and_slope(table%coefficient(:, frame%piece), &
-        instant%t - table%knot(frame%piece), frame%origin, frame%origin_rate)
-  end subroutine open_folded
-
-  !> Fill in the flanks of a frame that was opened without them.
-  pure subroutine fill_in(table, width, frame)
-    type(te_table_t), intent(in) :: table        !! motion of the flanks
-    real(wp), intent(in) :: width                !! distance between them, rad
-    type(frame_t), intent(inout) :: frame        !! frame as opened
-    real(wp) :: g(0:max_degree)
-    call expand_at(table, frame%piece, frame%t, g)
+    call expand_at(table, frame%piece, instant%t, g)
+    frame%origin = g(0)
+    frame%origin_rate = g(1)
     g(0:1) = 0
     call set_flanks(g, width, frame)
-    frame%folded = .false.
-  end subroutine fill_in
+  end subroutine open_in_contact
 
   !> Move a frame on to the piece that holds s, not beyond the last before the stop.
   pure subroutine move_to(table, width, s, frame)
@@ -51,7 +47,12 @@ contains
     integer :: piece
     if (s <= frame%piece_end) return
     piece = min(piece_at(table, frame%t + s), frame%stop_knot - 1)
-    if (piece <= frame%piece) return
+    if (piece - frame%piece <= few_pieces) then
+      do while (frame%piece < piece)
+        call go_on(table, width, frame)
+      end do
+      return
+    end if
     frame%piece = piece
     frame%piece_begin = table%knot(piece) - frame%t
     frame%piece_end = table%knot(piece + 1) - frame%t
@@ -60,6 +61,23 @@ contains
     g(1) = g(1) - frame%origin_rate
     call set_flanks(g, width, frame)
   end subroutine move_to
+
+  !> Move a frame on to the next piece.
+  pure subroutine go_on(table, width, frame)
+    type(te_table_t), intent(in) :: table        !! motion of the flanks
+    real(wp), intent(in) :: width                !! distance between them, rad
+    type(frame_t), intent(inout) :: frame        !! frame, moved one piece on
+    real(wp) :: g(0:max_degree)
+    call value_and_slope(frame%flank(:, frame%chart), frame%piece_end - frame%piece_begin, &
+        g(0), g(1))
+    frame%piece = frame%piece + 1
+    frame%piece_begin = frame%piece_end
+    frame%piece_end = table%knot(frame%piece + 1) - frame%t
+    ! Off kinks the jump is rounding, but left out it would add up to a mean force.
+    g(1) = g(1) + table%slope_jump(frame%piece)
+    g(2:) = table%coefficient(2:, frame%piece)
+    call set_flanks(g, width, frame)
+  end subroutine go_on
 
   !> Both flanks, from the polynomial of the chart's own.
   pure subroutine set_flanks(g, width, frame)
@@ -81,13 +99,12 @@ contains
     type(frame_t), intent(in) :: frame           !! frame as opened
     real(wp), intent(in) :: s                    !! time since the frame was opened
     real(wp), intent(out) :: position, slope     !! in the frame
+    real(wp) :: g(0:max_degree), from
     integer :: piece
-    ! What ends the step, at the last stage, has not happened yet.
-    piece = min(piece_at(table, frame%t + s), frame%stop_knot - 1)
-    call value_and_slope(table%coefficient(:, piece), frame%t + s - table%knot(piece), position, &
-        slope)
-    position = position - frame%origin - frame%origin_rate*s
-    slope = slope - frame%origin_rate
+    piece = frame%piece
+    from = 0
+    g = frame%flank(:, frame%chart)
+    call follow(table, frame, s, piece, from, g, position, slope)
   end subroutine flank_in_frame
 
   !> The same at the quarters of a step, to the same bit.
@@ -96,25 +113,60 @@ contains
     type(frame_t), intent(in) :: frame                     !! frame as opened
     real(wp), intent(in) :: h                              !! step
     real(wp), intent(out) :: position(4), slope(4)         !! at its quarters, in the frame
-    real(wp) :: s(4), x(4)
-    integer :: i
+    real(wp) :: s(4), g(0:max_degree), from
+    integer :: i, piece
     s = [1, 2, 3, 4]*(0.25_wp*h)
     if (h > frame%piece_end) then
+      piece = frame%piece
+      from = 0
+      g = frame%flank(:, frame%chart)
       do i = 1, 4
-        call flank_in_frame(table, frame, s(i), position(i), slope(i))
+        call follow(table, frame, s(i), piece, from, g, position(i), slope(i))
       end do
       return
     end if
-    associate (c => table%coefficient(:, frame%piece))
-      x = frame%t + s - table%knot(frame%piece)
+    associate (c => frame%flank(:, frame%chart))
       position = c(max_degree + 1)
       slope = 0
       do i = max_degree, 1, -1
-        slope = slope*x + position
-        position = position*x + c(i)
+        slope = slope*s + position
+        position = position*s + c(i)
       end do
     end associate
+  end subroutine flank_over_step
+
+  !> Follow the flank of a frame's chart to s, from the piece it has been followed to before. Over a
+  !> few pieces nothing is lost against the flank's own motion since the frame was opened; farther
+  !> away the table is read.
+  pure subroutine follow(table, frame, s, piece, from, g, position, slope)
+    type(te_table_t), intent(in) :: table              !! motion of the flanks
+    type(frame_t), intent(in) :: frame                 !! frame as opened
+    real(wp), intent(in) :: s                          !! time since then
+    integer, intent(inout) :: piece                    !! piece
+    real(wp), intent(inout) :: from                    !! its beginning, or 0
+    real(wp), intent(inout) :: g(0:max_degree)         !! flank about that
+    real(wp), intent(out) :: position, slope           !! flank at s
+    real(wp) :: to
+    integer :: last
+    ! What ends the step, at the last stage, has not happened yet.
+    last = min(frame%piece + few_pieces, frame%stop_knot - 1)
+    to = table%knot(piece + 1) - frame%t
+    do while (s > to .and. piece < last)
+      call value_and_slope(g, to - from, position, slope)
+      piece = piece + 1
+      ! Off kinks the jump is rounding, but left out it would add up to a mean force.
+      g = [position, slope + table%slope_jump(piece), table%coefficient(2:, piece)]
+      from = to
+      to = table%knot(piece + 1) - frame%t
+    end do
+    if (s <= to .or. piece == frame%stop_knot - 1) then
+      call value_and_slope(g, s - from, position, slope)
+      return
+    end if
+    last = min(piece_at(table, frame%t + s), frame%stop_knot - 1)
+    call value_and_slope(table%coefficient(:, last), frame%t + s - table%knot(last), position, &
+        slope)
     position = position - frame%origin - frame%origin_rate*s
     slope = slope - frame%origin_rate
-  end subroutine flank_over_step
+  end subroutine follow
 end module lapwing_flank_frames

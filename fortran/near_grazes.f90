@@ -23,7 +23,6 @@ contains
     type(frame_t) :: frame
     integer :: flank
     frame = segment%frame
-    call system%unfold(frame)
     if (segment%closed) then
       do flank = 1, system%n_flanks
         if (segment%motion_state /= separation .and. segment%motion_state /= flank) cycle

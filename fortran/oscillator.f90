@@ -9,7 +9,7 @@ module lapwing_oscillator
   use lapwing_codes, only: separation, drive_flank, coast_flank, law_compliant, law_rigid, &
       law_absolute, gap_symmetric, gap_one_flank
   use lapwing_clearance, only: stays_inside, no_sooner
-  use lapwing_flank_frames, only: open_folded, fill_in, move_to, flank_in_frame, flank_over_step
+  use lapwing_flank_frames, only: open_in_contact, move_to, flank_in_frame, flank_over_step
   use lapwing_parameters, only: parameters_t, natural_angle, felt_jump
   use lapwing_polynomial, only: max_degree, horner, horner_slope, taylor_shift
   use lapwing_spring_stages, only: spring_stages, flight_stages
@@ -37,7 +37,7 @@ module lapwing_oscillator
     procedure :: flank_motion, change_force
     procedure :: next_piece, derivatives, gap, contact, commit, pressing
     procedure :: rebound, sums_chatter, launch, pass_knot, scales, observe
-    procedure :: stages, stay, unfold, leap
+    procedure :: stages, stay, leap
   end type oscillator_t
 
 contains
@@ -84,8 +84,7 @@ contains
     call find_jumps(self%table, felt_jump(parameters))
   end subroutine change_force
 
-  !> The frame of a step: in contact with a moving flank without the flanks themselves, which most
-  !> such steps never ask for.
+  !> The frame of a step.
   pure subroutine open_step_frame(self, instant, frame, z)
     class(oscillator_t), intent(in) :: self
     type(instant_t), intent(in) :: instant       !! where the step begins
@@ -94,17 +93,10 @@ contains
     if (instant%motion_state == separation .or. self%rigid .or. .not. self%alike) then
       call open_table_frame(self, instant, frame, z)
     else
-      call open_folded(self%table, instant, frame)
+      call open_in_contact(self%table, self%width, instant, frame)
       z = instant%y
     end if
   end subroutine open_step_frame
-
-  !> Fill in the flanks of a frame that was opened without them.
-  pure subroutine unfold(self, frame)
-    class(oscillator_t), intent(in) :: self
-    type(frame_t), intent(inout) :: frame        !! frame as opened
-    if (frame%folded) call fill_in(self%table, self%width, frame)
-  end subroutine unfold
 
   !> Open the Galilean frame of the flank last touched.
   pure subroutine open_table_frame(self, instant, frame, z)

@@ -8,7 +8,7 @@ module lapwing_plain_contact
   use lapwing_codes, only: separation, drive_flank
   use lapwing_event_search, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
-  use lapwing_flank_frames, only: open_folded
+  use lapwing_flank_frames, only: open_in_contact
   use lapwing_oscillator, only: oscillator_t, drive_over_step
   use lapwing_rk4, only: read_step
   use lapwing_spring_stages, only: spring_stages
@@ -33,7 +33,7 @@ contains
     done = .false.
     associate (instant => state%instant)
       if (.not. begins_inside(self, instant)) return
-      call open_folded(self%table, instant, segment%frame)
+      call open_in_contact(self%table, self%width, instant, segment%frame)
       associate (memory => state%memory(instant%motion_state))
         h = step_to_try(memory, .true., numerics%tolerance)
         cut_short = segment%frame%stop < h

@@ -130,7 +130,6 @@ contains
     real(wp) :: c(0:max_degree), length, at(max_degree)
     integer :: i, n
     frame = segment%frame
-    call system%unfold(frame)
     do
       length = min(frame%piece_end, segment%length) - frame%piece_begin
       call system%gap(frame, flank, segment%motion, c)
@@ -241,7 +240,6 @@ contains
     type(instant_t) :: instant
     real(wp) :: s
     frame = segment%frame
-    call system%unfold(frame)
     do while (self%sums%next_sample <= size(self%samples, 2))
       associate (time => self%sample_time(:, self%sums%next_sample))
         if (time(1) > segment%cycle + 0.5_wp) return

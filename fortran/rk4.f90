@@ -53,7 +53,7 @@ contains
     call interpolate(begin, step%middle(i), step%end(i), slope, h*step%rate_middle(i), slope_end, &
         dense)
     error = abs(step%correction(i))
-    if (error <= rounding*(abs(slope) + abs(slope_end))) error = 0
+    if (error <= rounding*(abs(slope) + abs(slope_end)) + epsilon(error)*abs(begin)) error = 0
   end subroutine read_step
 
   !> Where a step of length h ends, and nothing else.

@@ -41,7 +41,6 @@ module lapwing_system
     real(wp) :: t = 0                            !! cycle time of s = 0
     real(wp) :: piece_begin = 0, piece_end = 0   !! span of the piece in s
     real(wp) :: stop = 0                         !! s that no step may pass
-    logical :: folded = .false.                  !! whether `flank` is still to be filled in
     real(wp) :: origin_rate = 0                  !! velocity of the frame, rad per tau
     real(wp) :: origin = 0                       !! position of the moving flank at s = 0, rad
     real(wp) :: flank(0:max_degree, 2) = 0       !! flank positions about s = piece_begin
@@ -95,7 +94,7 @@ module lapwing_system
     procedure(scales_i), deferred :: scales
     procedure(observe_i), deferred :: observe
     procedure :: stages => stages_by_dispatch
-    procedure :: stay, unfold, leap
+    procedure :: stay, leap
     ! Asked only of a system with a closed form, which overrides them.
     procedure :: stretch, inside, turn, deepest, rigid_release
   end type system_t
@@ -301,12 +300,6 @@ contains
     logical, intent(out) :: stays                !! whether it does
     stays = .false.
   end subroutine stay
-
-  !> Fill in the flanks of a frame that was opened without them.
-  pure subroutine unfold(self, frame)
-    class(system_t), intent(in) :: self
-    type(frame_t), intent(inout) :: frame        !! frame as opened
-  end subroutine unfold
 
   !> Go on in a flight, from the beginning of the frame's piece, over pieces on which it certainly
   !> meets no flank. A system that knows nothing of the kind stays where it is.

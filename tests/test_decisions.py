@@ -548,7 +548,9 @@ def test_decision_l_back_penetration_is_reported_apart():
 # --- m: period --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("torque", "period"), [(1.8, 1), (1.78, 2), (2.0, 0), (3.3, 1)])
+# At 2.0 N·m a chaotic transient of a few hundred cycles, different for every rounding, ends in
+# period 4; at 2.1 the motion stays chaotic.
+@pytest.mark.parametrize(("torque", "period"), [(1.8, 1), (1.78, 2), (2.1, 0), (3.3, 1)])
 def test_decision_m_periods_of_the_published_gear(torque, period):
     run = simulate(scene_a(torque), cycles=460)
     late = run.cycles.isel(cycle=slice(-100, None))

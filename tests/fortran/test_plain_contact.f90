@@ -10,7 +10,7 @@ program test_plain_contact
       gap_one_sided, gap_symmetric, gap_one_flank, status_ok
   use lapwing_event_search, only: crossing_t, work_t, find_crossing
   use lapwing_exact_automaton, only: advance_any
-  use lapwing_flank_frames, only: open_folded, flank_in_frame, flank_over_step
+  use lapwing_flank_frames, only: open_in_contact, flank_in_frame, flank_over_step
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_kinds, only: wp
   use lapwing_oscillator, only: oscillator_t, oscillator
@@ -73,7 +73,7 @@ contains
       system = random_oscillator(law_compliant)
       instant%motion_state = engagement
       instant%t = uniform(0.0_wp, 0.9_wp)*system%period
-      call open_folded(system%table, instant, frame)
+      call open_in_contact(system%table, system%width, instant, frame)
       h = uniform(0.0_wp, 1.0_wp)*frame%stop
       call flank_over_step(system%table, frame, h, position, slope)
       do k = 1, 4
@@ -157,7 +157,7 @@ contains
     call find_crossing(thorough, segment%frame, segment%motion_state, touching, segment%motion, &
         work, searched)
     if (segment%motion_state /= separation) then
-      if (segment%frame%folded .and. segment%n_events == 0 .and. begin%t /= segment%t) then
+      if (segment%n_events == 0 .and. begin%t /= segment%t) then
         call tally%is_true(.not. searched%found, "a plain step crosses nothing")
       end if
       return
@@ -195,7 +195,6 @@ contains
     same = one%motion%h == other%motion%h .and. one%frame%piece == other%frame%piece &
         .and. all(one%motion%dense(:, 1:2) == other%motion%dense(:, 1:2)) &
         .and. one%frame%stop == other%frame%stop .and. one%frame%origin == other%frame%origin &
-        .and. one%frame%origin_rate == other%frame%origin_rate &
-        .and. (one%frame%folded .eqv. other%frame%folded)
+        .and. one%frame%origin_rate == other%frame%origin_rate
   end function same_motion
 end program test_plain_contact
