@@ -3,53 +3,23 @@
 !> bit, but opens no frames; whatever is special it leaves untouched to the automaton.
 module lapwing_exact_automaton
   use lapwing_kinds, only: wp
-  use lapwing_automaton, only: advance, at_stop, check_bounds, pass_stop
+  use lapwing_automaton, only: at_stop, pass_stop
   use lapwing_chatter, only: listed_down_to
   use lapwing_codes, only: separation, no_flank, drive_flank, event_impact, event_engage
   use lapwing_contact_rules, only: begin_contact, let_go, log_event
-  use lapwing_event_search, only: work_t
   use lapwing_exact_oscillator, only: exact_oscillator_t, begin_curve, walls
   use lapwing_exact_contact, only: contact_end
   use lapwing_exact_flight, only: end_t, flight_end
-  use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
-  use lapwing_oscillator, only: oscillator_t, impact_law
-  use lapwing_plain_contact, only: step_in_contact
+  use lapwing_hybrid_state, only: hybrid_state_t, segment_t
+  use lapwing_oscillator, only: impact_law
   use lapwing_polynomial, only: max_degree
   use lapwing_smooth_curve, only: curve_t, expand_launch, flank_taylor
-  use lapwing_system, only: system_t
   use lapwing_transmission_error, only: locate_piece
   implicit none
   private
-  public :: advance_any
+  public :: advance_plainly
 
 contains
-
-  !> Advance any system by one smooth stretch.
-  subroutine advance_any(system, numerics, state, segment, work, status)
-    class(system_t), intent(in) :: system           !! what moves
-    type(numerics_t), intent(in) :: numerics        !! tolerances and bounds
-    type(hybrid_state_t), intent(inout) :: state    !! state, moved on
-    type(segment_t), intent(inout) :: segment       !! what happened
-    type(work_t), intent(inout) :: work             !! counts
-    integer, intent(out) :: status                  !! status_*
-    logical :: done
-    select type (system)
-    type is (exact_oscillator_t)
-      call advance_plainly(system, state, segment, done)
-      if (done) then
-        work%stretches = work%stretches + 1
-        call check_bounds(system, numerics, state, segment, status)
-        return
-      end if
-    type is (oscillator_t)
-      call step_in_contact(system, numerics, state, segment, work, done)
-      if (done) then
-        call check_bounds(system, numerics, state, segment, status)
-        return
-      end if
-    end select
-    call advance(system, numerics, state, segment, work, status)
-  end subroutine advance_any
 
   !> One stretch, if it is a plain one; otherwise the state is as it was.
   subroutine advance_plainly(self, state, segment, done)

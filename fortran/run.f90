@@ -1,7 +1,7 @@
 !> One trajectory from where it is to a target, recorded.
 module lapwing_run
   use lapwing_kinds, only: wp, int64
-  use lapwing_exact_automaton, only: advance_any
+  use lapwing_advance, only: advance_any
   use lapwing_codes, only: status_ok, status_unfinished, status_step_too_small, &
       status_not_finite
   use lapwing_event_search, only: work_t

@@ -4,7 +4,7 @@
 program measure_dispatch
   use lapwing_codes, only: separation, engagement, law_compliant, law_restitution, gap_one_flank
   use lapwing_event_search, only: work_t
-  use lapwing_exact_automaton, only: advance_any
+  use lapwing_advance, only: advance_any
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_kinds, only: wp, int64
   use lapwing_oscillator, only: oscillator_t, oscillator

@@ -8,7 +8,7 @@ program test_exact_automaton
       law_relative, law_absolute, gap_one_sided, gap_symmetric, gap_one_flank, method_exact, &
       event_kink, status_ok
   use lapwing_event_search, only: work_t
-  use lapwing_exact_automaton, only: advance_any
+  use lapwing_advance, only: advance_any
   use lapwing_exact_oscillator, only: exact_oscillator_t, exact_oscillator
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_kinds, only: wp

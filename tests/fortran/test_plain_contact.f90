@@ -9,7 +9,7 @@ program test_plain_contact
   use lapwing_codes, only: separation, engagement, law_restitution, law_compliant, &
       gap_one_sided, gap_symmetric, gap_one_flank, status_ok
   use lapwing_event_search, only: crossing_t, work_t, find_crossing
-  use lapwing_exact_automaton, only: advance_any
+  use lapwing_advance, only: advance_any
   use lapwing_flank_frames, only: open_in_contact, flank_in_frame, flank_over_step
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_kinds, only: wp
