@@ -93,80 +93,79 @@ contains
     end if
   end subroutine set_flanks
 
-  !> Position and velocity, in the frame, of the flank of its chart.
+  !> Position and velocity, in the frame, of the flank of its chart. Up to the second knot nothing is
+  !> lost against the flank's own motion since the frame was opened; a step that goes farther is
+  !> larger than the rounding of the table.
   pure subroutine flank_in_frame(table, frame, s, position, slope)
     type(te_table_t), intent(in) :: table        !! motion of the flanks
     type(frame_t), intent(in) :: frame           !! frame as opened
     real(wp), intent(in) :: s                    !! time since the frame was opened
     real(wp), intent(out) :: position, slope     !! in the frame
-    real(wp) :: g(0:max_degree), from
     integer :: piece
-    piece = frame%piece
-    from = 0
-    g = frame%flank(:, frame%chart)
-    call follow(table, frame, s, piece, from, g, position, slope)
+    if (s <= frame%piece_end) then
+      call value_and_slope(frame%flank(:, frame%chart), s, position, slope)
+    else if (s <= second_end(table, frame)) then
+      call flank_on_second(table, frame, s, position, slope)
+    else
+      piece = min(piece_at(table, frame%t + s), frame%stop_knot - 1)
+      call value_and_slope(table%coefficient(:, piece), (frame%t + s) - table%knot(piece), &
+          position, slope)
+      position = (position - frame%origin) - frame%origin_rate*s
+      slope = slope - frame%origin_rate
+    end if
   end subroutine flank_in_frame
 
-  !> The same at the quarters of a step, to the same bit.
+  !> Where the piece after a frame's own ends, or its own if the step must end there.
+  pure real(wp) function second_end(table, frame)
+    type(te_table_t), intent(in) :: table        !! motion of the flanks
+    type(frame_t), intent(in) :: frame           !! frame as opened
+    second_end = table%knot(min(frame%piece + 2, frame%stop_knot)) - frame%t
+  end function second_end
+
+  !> The same beyond the first knot, on the next piece.
+  pure subroutine flank_on_second(table, frame, s, position, slope)
+    type(te_table_t), intent(in) :: table        !! motion of the flanks
+    type(frame_t), intent(in) :: frame           !! frame as opened
+    real(wp), intent(in) :: s                    !! time since the frame was opened
+    real(wp), intent(out) :: position, slope     !! in the frame
+    real(wp) :: g(0:max_degree)
+    call value_and_slope(frame%flank(:, frame%chart), frame%piece_end, g(0), g(1))
+    ! Off kinks the jump is rounding, but left out it would add up to a mean force.
+    g(1) = g(1) + table%slope_jump(frame%piece + 1)
+    g(2:) = table%coefficient(2:, frame%piece + 1)
+    call value_and_slope(g, s - frame%piece_end, position, slope)
+  end subroutine flank_on_second
+
+  !> The flank at the quarters of a step, at its end to the same bit as asked for alone.
   pure subroutine flank_over_step(table, frame, h, position, slope)
     type(te_table_t), intent(in) :: table                  !! motion of the flanks
     type(frame_t), intent(in) :: frame                     !! frame as opened
     real(wp), intent(in) :: h                              !! step
     real(wp), intent(out) :: position(4), slope(4)         !! at its quarters, in the frame
-    real(wp) :: s(4), g(0:max_degree), from
+    real(wp) :: s(4)
     integer :: i, piece
     s = [1, 2, 3, 4]*(0.25_wp*h)
-    if (h > frame%piece_end) then
-      piece = frame%piece
-      from = 0
-      g = frame%flank(:, frame%chart)
+    if (h <= frame%piece_end) then
+      associate (c => frame%flank(:, frame%chart))
+        position = c(max_degree + 1)
+        slope = 0
+        do i = max_degree, 1, -1
+          slope = slope*s + position
+          position = position*s + c(i)
+        end do
+      end associate
+    else if (h <= second_end(table, frame)) then
       do i = 1, 4
-        call follow(table, frame, s(i), piece, from, g, position(i), slope(i))
+        call flank_in_frame(table, frame, s(i), position(i), slope(i))
       end do
-      return
+    else
+      do i = 1, 4
+        piece = min(piece_at(table, frame%t + s(i)), frame%stop_knot - 1)
+        call value_and_slope(table%coefficient(:, piece), &
+            (frame%t + s(i)) - table%knot(piece), position(i), slope(i))
+      end do
+      position = (position - frame%origin) - frame%origin_rate*s
+      slope = slope - frame%origin_rate
     end if
-    associate (c => frame%flank(:, frame%chart))
-      position = c(max_degree + 1)
-      slope = 0
-      do i = max_degree, 1, -1
-        slope = slope*s + position
-        position = position*s + c(i)
-      end do
-    end associate
   end subroutine flank_over_step
-
-  !> Follow the flank of a frame's chart to s, from the piece it has been followed to before. Over a
-  !> few pieces nothing is lost against the flank's own motion since the frame was opened; farther
-  !> away the table is read.
-  pure subroutine follow(table, frame, s, piece, from, g, position, slope)
-    type(te_table_t), intent(in) :: table              !! motion of the flanks
-    type(frame_t), intent(in) :: frame                 !! frame as opened
-    real(wp), intent(in) :: s                          !! time since then
-    integer, intent(inout) :: piece                    !! piece
-    real(wp), intent(inout) :: from                    !! its beginning, or 0
-    real(wp), intent(inout) :: g(0:max_degree)         !! flank about that
-    real(wp), intent(out) :: position, slope           !! flank at s
-    real(wp) :: to
-    integer :: last
-    ! What ends the step, at the last stage, has not happened yet.
-    last = min(frame%piece + few_pieces, frame%stop_knot - 1)
-    to = table%knot(piece + 1) - frame%t
-    do while (s > to .and. piece < last)
-      call value_and_slope(g, to - from, position, slope)
-      piece = piece + 1
-      ! Off kinks the jump is rounding, but left out it would add up to a mean force.
-      g = [position, slope + table%slope_jump(piece), table%coefficient(2:, piece)]
-      from = to
-      to = table%knot(piece + 1) - frame%t
-    end do
-    if (s <= to .or. piece == frame%stop_knot - 1) then
-      call value_and_slope(g, s - from, position, slope)
-      return
-    end if
-    last = min(piece_at(table, frame%t + s), frame%stop_knot - 1)
-    call value_and_slope(table%coefficient(:, last), frame%t + s - table%knot(last), position, &
-        slope)
-    position = position - frame%origin - frame%origin_rate*s
-    slope = slope - frame%origin_rate
-  end subroutine follow
 end module lapwing_flank_frames
