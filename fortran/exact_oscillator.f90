@@ -9,7 +9,8 @@ module lapwing_exact_oscillator
   use lapwing_exact_flight, only: end_t, flight_end, bounce, least_width
   use lapwing_harmonic_series, only: harmonic_series_t, harmonic_series, derivative_series, &
       series_at, bound_derivative
-  use lapwing_oscillator, only: oscillator_t, oscillator, open_table_frame, frame_about
+  use lapwing_flank_frames, only: frame_about
+  use lapwing_oscillator, only: oscillator_t, oscillator, open_table_frame
   use lapwing_parameters, only: parameters_t
   use lapwing_polynomial, only: max_degree, first_descent
   use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_launch, expand_fully, curve_at, &
@@ -139,7 +140,8 @@ contains
     frame%stop = self%period - instant%t
     frame%piece_end = frame%stop
     call flank_taylor(self%scene, .true., instant%t, 1, g)
-    call frame_about(self, instant, g, frame, z)
+    call frame_about(instant, g, self%width, self%coast_moves, frame)
+    z = instant%y
   end subroutine open_frame
 
   !> g and g'.

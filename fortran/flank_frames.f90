@@ -8,7 +8,7 @@ module lapwing_flank_frames
   use lapwing_transmission_error, only: te_table_t, piece_at, expand_at
   implicit none
   private
-  public :: open_in_contact, move_to, flank_in_frame, flank_over_step
+  public :: open_in_contact, frame_about, move_to, flank_in_frame, flank_over_step
 
   !> Over so many pieces a frame is moved one by one, which keeps the relative precision of a small
   !> bounce across a knot. One that takes longer is larger than the rounding of the table.
@@ -36,6 +36,36 @@ contains
     g(0:1) = 0
     call set_flanks(g, width, frame)
   end subroutine open_in_contact
+
+  !> Flanks in a frame, moving alike or the coast flank not at all, from the Taylor coefficients of g
+  !> where the step begins.
+  pure subroutine frame_about(instant, taylor, width, coast_moves, frame)
+    type(instant_t), intent(in) :: instant           !! where the step begins
+    real(wp), intent(in) :: taylor(0:max_degree)     !! of g there
+    real(wp), intent(in) :: width                    !! distance between the flanks, rad
+    logical, intent(in) :: coast_moves               !! whether the coast flank moves with g
+    type(frame_t), intent(inout) :: frame            !! its frame
+    real(wp) :: g(0:max_degree)
+    g = taylor
+    frame%chart = instant%chart
+    frame%t = instant%t
+    frame%origin = g(0)
+    if (frame%chart == drive_flank .or. coast_moves) then
+      frame%origin_rate = g(1)
+      g(0:1) = 0
+    end if
+    frame%flank(:, drive_flank) = g
+    if (coast_moves) then
+      frame%flank(:, coast_flank) = g
+    else if (frame%chart == drive_flank) then
+      frame%flank(0:1, coast_flank) = [-frame%origin, -frame%origin_rate]
+    end if
+    if (frame%chart == drive_flank) then
+      frame%flank(0, coast_flank) = frame%flank(0, coast_flank) - width
+    else
+      frame%flank(0, drive_flank) = frame%flank(0, drive_flank) + width
+    end if
+  end subroutine frame_about
 
   !> Move a frame on to the piece that holds s, not beyond the last before the stop.
   pure subroutine move_to(table, width, s, frame)

@@ -8,8 +8,9 @@ module lapwing_oscillator
   use lapwing_kinds, only: wp
   use lapwing_codes, only: separation, drive_flank, coast_flank, law_compliant, law_rigid, &
       law_absolute, gap_symmetric, gap_one_flank
-  use lapwing_clearance, only: stays_inside, no_sooner
-  use lapwing_flank_frames, only: open_in_contact, move_to, flank_in_frame, flank_over_step
+  use lapwing_clearance, only: stays_inside
+  use lapwing_flank_frames, only: open_in_contact, frame_about, flank_in_frame, flank_over_step
+  use lapwing_flight_leaps, only: leap_over_pieces
   use lapwing_parameters, only: parameters_t, natural_angle, felt_jump
   use lapwing_polynomial, only: max_degree, horner, horner_slope, taylor_shift
   use lapwing_spring_stages, only: spring_stages, flight_stages
@@ -19,7 +20,7 @@ module lapwing_oscillator
       expand_at, flank_motion_at
   implicit none
   private
-  public :: oscillator_t, oscillator, open_table_frame, frame_about, impact_law
+  public :: oscillator_t, oscillator, open_table_frame, impact_law
   public :: drive_over_step
 
   type, extends(system_t) :: oscillator_t
@@ -115,38 +116,9 @@ contains
       frame%stop = table%knot(frame%stop_knot) - instant%t
       call expand_at(table, frame%piece, instant%t, g)
     end associate
-    call frame_about(self, instant, g, frame, z)
-  end subroutine open_table_frame
-
-  !> Flanks in the frame, from the Taylor coefficients of g.
-  pure subroutine frame_about(self, instant, taylor, frame, z)
-    class(oscillator_t), intent(in) :: self
-    type(instant_t), intent(in) :: instant           !! where the step begins
-    real(wp), intent(in) :: taylor(0:max_degree)     !! of g there
-    type(frame_t), intent(inout) :: frame            !! its frame
-    real(wp), intent(out) :: z(max_states)           !! local coordinates of the instant
-    real(wp) :: g(0:max_degree)
-    g = taylor
-    frame%chart = instant%chart
-    frame%t = instant%t
-    frame%origin = g(0)
-    if (frame%chart == drive_flank .or. self%coast_moves) then
-      frame%origin_rate = g(1)
-      g(0:1) = 0
-    end if
-    frame%flank(:, drive_flank) = g
-    if (self%coast_moves) then
-      frame%flank(:, coast_flank) = g
-    else if (frame%chart == drive_flank) then
-      frame%flank(0:1, coast_flank) = [-frame%origin, -frame%origin_rate]
-    end if
-    if (frame%chart == drive_flank) then
-      frame%flank(0, coast_flank) = frame%flank(0, coast_flank) - self%width
-    else
-      frame%flank(0, drive_flank) = frame%flank(0, drive_flank) + self%width
-    end if
+    call frame_about(instant, g, self%width, self%coast_moves, frame)
     z = instant%y
-  end subroutine frame_about
+  end subroutine open_table_frame
 
   !> g and g'.
   pure subroutine flank_motion(self, t, piece, g, slope)
@@ -205,43 +177,11 @@ contains
     type(frame_t), intent(inout) :: frame        !! frame, on the piece to be searched next
     integer, intent(inout) :: touching           !! flank at zero distance where it begins, or none
     logical, intent(out) :: clear                !! whether nothing is met up to the step's end
-    real(wp) :: s
     clear = .false.
     if (.not. self%alike) return
-    s = frame%piece_begin
-    do
-      s = s + time_of_grace(self, frame, touching, motion, s)
-      clear = s >= motion%h
-      if (.not. clear .and. s <= frame%piece_end) return
-      call move_to(self%table, self%width, min(s, motion%h), frame)
-      if (clear) return
-      touching = 0
-    end do
+    call leap_over_pieces(self%table, self%width, self%n_flanks, self%force, motion, frame, &
+        touching, clear)
   end subroutine leap
-
-  !> Time for which a flight, at s of a step, can meet no flank: the distance begins with the value
-  !> and slope it has there and bends towards the flank as much as it can anywhere.
-  pure real(wp) function time_of_grace(self, frame, touching, motion, s)
-    class(oscillator_t), intent(in) :: self
-    type(frame_t), intent(in) :: frame           !! frame, on the piece that holds s
-    integer, intent(in) :: touching              !! flank at zero distance there, or none
-    type(motion_t), intent(in) :: motion         !! step as a polynomial
-    real(wp), intent(in) :: s                    !! time since the frame was opened
-    real(wp), parameter :: caution = 1 - 2.0_wp**(-20)   !! far more than the rounding of a root
-    real(wp) :: z(max_states), y(max_states), phi
-    z(1:2) = [horner(motion%dense(:, 1), s/motion%h), horner(motion%dense(:, 2), s/motion%h)]
-    call commit(self, frame, s, z, frame%chart, y)
-    phi = y(1)
-    if (frame%chart == coast_flank) phi = phi - self%width
-    time_of_grace = no_sooner(merge(0.0_wp, -phi, touching == drive_flank), y(2), &
-        self%force + self%table%push(coast_flank))
-    if (self%n_flanks == 2) then
-      if (frame%chart == drive_flank) y(1) = y(1) + self%width
-      time_of_grace = min(time_of_grace, no_sooner(merge(0.0_wp, y(1), touching == coast_flank), &
-          -y(2), self%table%push(drive_flank) - self%force))
-    end if
-    time_of_grace = caution*time_of_grace
-  end function time_of_grace
 
   !> Flight under the constant force, or the damped spring of the flank in contact.
   pure subroutine derivatives(self, frame, motion_state, s, z, rate)
