@@ -135,7 +135,7 @@ contains
     if (s <= frame%piece_end) then
       call value_and_slope(frame%flank(:, frame%chart), s, position, slope)
     else if (s <= second_end(table, frame)) then
-      call flank_on_second(table, frame, s, position, slope)
+      call value_and_slope(on_second(table, frame), s - frame%piece_end, position, slope)
     else
       piece = min(piece_at(table, frame%t + s), frame%stop_knot - 1)
       call value_and_slope(table%coefficient(:, piece), (frame%t + s) - table%knot(piece), &
@@ -152,19 +152,16 @@ contains
     second_end = table%knot(min(frame%piece + 2, frame%stop_knot)) - frame%t
   end function second_end
 
-  !> The same beyond the first knot, on the next piece.
-  pure subroutine flank_on_second(table, frame, s, position, slope)
+  !> The flank of a frame's chart on the piece after the frame's own, about the knot between them.
+  pure function on_second(table, frame) result(g)
     type(te_table_t), intent(in) :: table        !! motion of the flanks
     type(frame_t), intent(in) :: frame           !! frame as opened
-    real(wp), intent(in) :: s                    !! time since the frame was opened
-    real(wp), intent(out) :: position, slope     !! in the frame
     real(wp) :: g(0:max_degree)
     call value_and_slope(frame%flank(:, frame%chart), frame%piece_end, g(0), g(1))
     ! Off kinks the jump is rounding, but left out it would add up to a mean force.
     g(1) = g(1) + table%slope_jump(frame%piece + 1)
     g(2:) = table%coefficient(2:, frame%piece + 1)
-    call value_and_slope(g, s - frame%piece_end, position, slope)
-  end subroutine flank_on_second
+  end function on_second
 
   !> The flank at the quarters of a step, at its end to the same bit as asked for alone.
   pure subroutine flank_over_step(table, frame, h, position, slope)
@@ -172,7 +169,7 @@ contains
     type(frame_t), intent(in) :: frame                     !! frame as opened
     real(wp), intent(in) :: h                              !! step
     real(wp), intent(out) :: position(4), slope(4)         !! at its quarters, in the frame
-    real(wp) :: s(4)
+    real(wp) :: s(4), g(0:max_degree)
     integer :: i, piece
     s = [1, 2, 3, 4]*(0.25_wp*h)
     if (h <= frame%piece_end) then
@@ -185,8 +182,13 @@ contains
         end do
       end associate
     else if (h <= second_end(table, frame)) then
+      g = on_second(table, frame)
       do i = 1, 4
-        call flank_in_frame(table, frame, s(i), position(i), slope(i))
+        if (s(i) <= frame%piece_end) then
+          call value_and_slope(frame%flank(:, frame%chart), s(i), position(i), slope(i))
+        else
+          call value_and_slope(g, s(i) - frame%piece_end, position(i), slope(i))
+        end if
       end do
     else
       do i = 1, 4
