@@ -1,4 +1,4 @@
-!> One smooth stretch of any system: by the short way where it is a plain one, else by the automaton.
+!> One smooth stretch of any system: the short way where it is a plain one, else by the automaton.
 module lapwing_advance
   use lapwing_automaton, only: advance, check_bounds
   use lapwing_event_search, only: work_t

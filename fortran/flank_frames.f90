@@ -37,8 +37,8 @@ contains
     call set_flanks(g, width, frame)
   end subroutine open_in_contact
 
-  !> Flanks in a frame, moving alike or the coast flank not at all, from the Taylor coefficients of g
-  !> where the step begins.
+  !> Flanks in a frame, moving alike or the coast flank not at all, from the Taylor coefficients of
+  !> g where the step begins.
   pure subroutine frame_about(instant, taylor, width, coast_moves, frame)
     type(instant_t), intent(in) :: instant           !! where the step begins
     real(wp), intent(in) :: taylor(0:max_degree)     !! of g there

@@ -44,8 +44,9 @@ The source's gear from rest at phase 0, {LONG} mesh cycles, torques from 0.5 to 
   torques: the calm ones where at least four are calm, else all. Methods here run all torques of a
   scene in one call, whose time inside the engine is divided among torques in proportion to calls
   of one torque each; a rival's time is that of its call for one torque, without compilation. Both
-  record the time and kind of every event. Rivals with a Python right-hand side run only a few
-  torques over the long horizon.
+  record the time and kind of every event, and compute every cycle, also one that repeats an
+  earlier one to the last bit; what copying those saves is told under "A study". Rivals with a
+  Python right-hand side run only a few torques over the long horizon.
 - **Events per cycle** are those each method lists, bounces inside a chatter included.
 """
 
