@@ -123,8 +123,8 @@ contains
     end if
   end subroutine set_flanks
 
-  !> Position and velocity, in the frame, of the flank of its chart. Up to the second knot nothing is
-  !> lost against the flank's own motion since the frame was opened; a step that goes farther is
+  !> Position and velocity, in the frame, of the flank of its chart. Up to the second knot nothing
+  !> is lost against the flank's own motion since the frame was opened; a step that goes farther is
   !> larger than the rounding of the table.
   pure subroutine flank_in_frame(table, frame, s, position, slope)
     type(te_table_t), intent(in) :: table        !! motion of the flanks

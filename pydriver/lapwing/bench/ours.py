@@ -22,6 +22,7 @@ MOST_COPIES = 64
 # Cycles of a study, and the least length of its call in seconds.
 SETTLED, RECORDED = 400, 100
 LEAST_STUDY = 0.2
+MOST_POINTS = 5000
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,7 @@ def study(oscillators, setting, *, repeats, threads=2):
 
     points = list(oscillators)
     once, _ = run_study(points, False, 1)
-    points *= int(np.clip(np.ceil(LEAST_STUDY / once), 1, MOST_COPIES))
+    points *= int(np.clip(np.ceil(LEAST_STUDY / once), 1, MOST_POINTS // len(points)))
     best, results = {}, {}
     for case in ((False, 1), (False, threads), (True, 1)):
         runs = [run_study(points, *case) for _ in range(repeats)]
