@@ -4,7 +4,7 @@ from pathlib import Path
 
 import hypothesis.strategies as st
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 
 from lapwing.deck import changed_keys, load_deck, used_hash, used_text
 from lapwing.deck.used import canonical, stored_hash
@@ -52,6 +52,7 @@ OVERRIDES = st.fixed_dictionaries({}, optional={
 
 @settings(max_examples=60, deadline=None)
 @given(OVERRIDES)
+@example({"transmission_error.parabola_amplitude": -0.0})
 def test_any_values_read_back(tmp_path_factory, overrides):
     deck = load_deck(PLAIN, [(key, str(value)) for key, value in overrides.items()])
     text = used_text(deck)

@@ -67,10 +67,8 @@ def file_table(name, folder, teeth, place, report):
     if problems:
         _report(path, problems, report)
         return None
-    digest = _digest([(key, np.asarray(column, dtype="<f8").tobytes())
-                      for key, column in columns.items()])
     pairs = "gear_angle" in columns
-    table = Table({"file": path, "teeth": teeth}, digest, pairs)
+    table = Table({"file": path, "teeth": teeth}, _digest(columns), pairs)
     if _plain(columns) or _builds(table, Place(str(path)), report):
         return table
     return None
@@ -78,8 +76,7 @@ def file_table(name, folder, teeth, place, report):
 
 def formula_table(keys, place, report):
     """Table of a parabola or of harmonics, or None; its problems go to `report`."""
-    numbers = {key: np.asarray(value, dtype="<f8").tobytes() for key, value in keys.items()}
-    table = Table(keys, _digest(numbers.items()))
+    table = Table(keys, _digest(keys))
     amplitudes = np.abs(np.atleast_1d(
         keys.get("harmonic_amplitude", keys.get("parabola_amplitude")))).astype(float)
     if np.all((amplitudes == 0) | (amplitudes > _PLAIN_VALUES[0])) \
@@ -118,8 +115,10 @@ def _report(path, problems, report):
         report.add(Place(str(path), line, column), text)
 
 
-def _digest(parts):
+def _digest(numbers):
+    """Of numbers or arrays by name; -0.0 is 0.0."""
     total = hashlib.sha256()
-    for name, data in parts:
+    for name, value in numbers.items():
+        data = (np.asarray(value, dtype="<f8") + 0.0).astype("<f8").tobytes()
         total.update(f"{name}:{len(data)}:".encode() + data)
     return total.hexdigest()
