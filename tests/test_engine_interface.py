@@ -187,6 +187,14 @@ def test_calls_from_several_threads_are_independent():
         assert one.final == other.final and one.work == other.work
 
 
+def test_a_sweep_does_not_wait_for_room_for_ever():
+    """Events are never dropped; a log that is too short for them ends the sweep with a word."""
+    with pytest.raises(ValueError, match="log_room = 100"):
+        engine.sweep([scene_a(5.5)], [(0, 0, False)], [(engine.REST, 0.0, 0.0, 0.0)],
+                     numerics=engine.Numerics(), wanted=engine.Wanted(events=True), settle=0,
+                     record=20, log_room=100, threads=1)
+
+
 def test_arguments_are_left_as_they_are():
     osc = scene_a(1.8)
     before = [getattr(SHIPPED, n).tobytes() for n in ("knots", "coefficients", "kinks")]

@@ -295,7 +295,7 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
     starts : sequence of (motion state or REST, phi, phi', phase), one per line, for its first
         point; later ones begin at the same phase
     settle, record : int, cycles before recording and cycles recorded
-    log_room : int, impacts kept per point
+    log_room : int, lines of the log kept per point: impacts beyond that are dropped
     threads : int
     progress : callable(fraction) or None, called between calls into the engine
     keep_interrupted : bool, whether Ctrl-C ends the sweep with what is finished, the other points
@@ -304,6 +304,11 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
     Returns
     -------
     SweepResult
+
+    Raises
+    ------
+    ValueError
+        where events or near-grazes are wanted and their log is full.
     """
     n = len(oscillators)
     method = common_method(oscillators, numerics)
@@ -321,17 +326,22 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
                       order="F")
     density = np.zeros((len(wanted.speed_edges) + 1, n) if wanted.speed_edges else (1, 1),
                        order="F")
-    log = np.full((LOG_COLUMNS, log_room if wanted.impacts else 1, n), np.nan, order="F")
+    waits = wanted.events or wanted.grazes
+    log = np.full((LOG_COLUMNS, log_room if waits or wanted.impacts else 1, n), np.nan, order="F")
     outcome = np.full((5 + WORK_SIZE, n), np.nan, order="F")
     outcome[0] = Status.UNFINISHED
     choices = _choices(oscillators[0], numerics, method, wanted, settle, record)
     interrupted, cpu_seconds = False, 0.0
     try:
         while np.any(table[4] < LINE_DONE):
+            before = (table.copy(), blobs.copy()) if waits else None
             begun = time.process_time()
             api.sweep(*table_arguments, reals, choices, table, starts, CALL_SECONDS, threads,
                       blobs, cycles, tangent, density, log, outcome)
             cpu_seconds += time.process_time() - begun
+            if before and all(map(np.array_equal, before, (table, blobs))):
+                raise ValueError(f"sweep: a log of log_room = {log_room} lines is full; events and "
+                                 "near-grazes are never dropped")
             if progress is not None:
                 progress(float(np.mean(outcome[0] != Status.UNFINISHED)))
     except KeyboardInterrupt:

@@ -12,7 +12,7 @@ from lapwing.bench.outcome import Outcome
 from lapwing.codes import EventKind, Status
 from lapwing.engine import Numerics, Wanted
 
-# The engine waits for room in a full log for ever: far more than any scene lists in 50 cycles.
+# A full log ends a sweep that wants every event: far more than any scene lists in 50 cycles.
 AMPLE_ROOM = 20_000
 # Rows a log must have to spare for what one more stretch may bring.
 SPARE_ROOM = 128
