@@ -4,13 +4,13 @@ program test_blocks
   use exact_reference, only: seed, uniform, chance, pick, table_scene, series_scene, random_series
   use lapwing_blocks, only: blocks_of
   use lapwing_codes, only: drive_flank, coast_flank, no_flank
-  use lapwing_closed_form, only: free_size
+  use lapwing_closed_form, only: free_size, locate_panel
   use lapwing_exact_contact, only: contact_end
   use lapwing_exact_flight, only: end_t, flight_end
   use lapwing_exact_inside, only: farthest
   use lapwing_harmonic_series, only: harmonic_series_t, harmonic_series, series_at
   use lapwing_kinds, only: wp
-  use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_launch, flank_taylor
+  use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_fully, curve_at, flank_taylor
   use lapwing_transmission_error, only: locate_piece
   implicit none
 
@@ -54,7 +54,7 @@ contains
     logical, intent(in) :: kinked            !! whether there is a kink
     type(scene_t) :: scene
     type(harmonic_series_t) :: g
-    real(wp) :: knots(n + 1), c(0:5, n), value(n + 1), slope(n + 1), h
+    real(wp) :: knots(n + 1), c(0:5, n), value(n + 1), slope(n + 1), h, right
     logical :: kinks(n)
     integer :: k
     g = harmonic_series(series, 1.0_wp, two_pi)
@@ -65,18 +65,14 @@ contains
     value(n + 1) = value(1)
     slope(n + 1) = slope(1)
     c = 0
-    kinks = .false.
     do k = 1, n
       h = knots(k + 1) - knots(k)
-      c(0:1, k) = [value(k), slope(k)]
-      c(2, k) = (3*(value(k + 1) - value(k))/h - 2*slope(k) - slope(k + 1))/h
-      c(3, k) = (slope(k) + slope(k + 1) - 2*(value(k + 1) - value(k))/h)/h**2
+      kinks(k) = kinked .and. k == n/2 + 1
+      right = slope(k) + merge(0.5_wp, 0.0_wp, kinks(k))
+      c(0:1, k) = [value(k), right]
+      c(2, k) = (3*(value(k + 1) - value(k))/h - 2*right - slope(k + 1))/h
+      c(3, k) = (right + slope(k + 1) - 2*(value(k + 1) - value(k))/h)/h**2
     end do
-    if (kinked) then
-      k = n/2 + 1
-      kinks(k) = .true.
-      c(1, k) = c(1, k) + 0.5_wp*(knots(k + 1) - knots(k))*c(2, k)
-    end if
     scene = table_scene(knots, c, kinks, period, xi, force)
   end function smooth_table
 
@@ -147,7 +143,7 @@ contains
     t = uniform(0.0_wp, scene%form%period)*pick([0.0_wp, 0.1_wp, 1.0_wp])
     piece = locate_piece(scene%table, t, 1)
     call launch(scene, contact, .true., t, piece, x, v, curve)
-    call expand_launch(scene, curve)
+    call expand_fully(scene, curve)
     stop = scene%form%period - t
     if (.not. scene%form%harmonic) stop = scene%table%knot(scene%table%next_kink(piece)) - t
     if (chance(0.3_wp)) stop = stop*uniform(0.0_wp, 1.0_wp)
@@ -168,9 +164,30 @@ contains
     call flight_end(scene, curve, wall, no_flank, stop, at)
     call flight_end(plain, again, wall, no_flank, stop, other)
     call compare(at, other, "flight")
+    call check_farthest(scene, curve, at%s)
     call tally%near(farthest(scene, curve, -1.0_wp, at%s, 0.1_wp), &
         farthest(plain, curve, -1.0_wp, at%s, 0.1_wp), 1.0e-11_wp, "deepest point of a flight")
   end subroutine compare_flights
+
+  !> The farthest point against samples: beyond none of them, nor farther than the motion bends
+  !> between two.
+  subroutine check_farthest(scene, curve, until)
+    type(scene_t), intent(in) :: scene       !! scene
+    type(curve_t), intent(in) :: curve       !! flight
+    real(wp), intent(in) :: until            !! its end
+    integer, parameter :: n = 300
+    real(wp) :: x(0:n), v, s, sign, most, bend
+    integer :: i
+    do i = 0, n
+      s = i*until/n
+      call curve_at(scene, curve, locate_panel(scene%form, curve%t + s), s, x(i), v)
+    end do
+    sign = pick([-1.0_wp, 1.0_wp])
+    most = farthest(scene, curve, sign, until, -huge(s))
+    bend = maxval(abs(x(2:) - 2*x(1:n - 1) + x(:n - 2)))
+    call tally%below(maxval(sign*x), most + 1.0e-12_wp*(1 + abs(most)), "nothing is farther")
+    call tally%below(most, maxval(sign*x) + bend + 1.0e-12_wp*(1 + abs(most)), "nor is it")
+  end subroutine check_farthest
 
   subroutine compare_contacts(scene)
     type(scene_t), intent(in) :: scene       !! scene with blocks
