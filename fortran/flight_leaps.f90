@@ -13,8 +13,8 @@ module lapwing_flight_leaps
 
 contains
 
-  !> Up to the piece on which a flank might be met. Each time of grace that does not end on the piece
-  !> where it began leads to a later one.
+  !> Up to the piece on which a flank might be met. Each time of grace that does not end on the
+  !> piece where it began leads to a later one.
   pure subroutine leap_over_pieces(table, width, n_flanks, force, motion, frame, touching, clear)
     type(te_table_t), intent(in) :: table        !! motion of the flanks
     real(wp), intent(in) :: width                !! distance between them, rad
