@@ -78,7 +78,7 @@ contains
       tail = tail + (k*(k - 1))*abs(c(k))*power
       power = power*reach
     end do
-    told = tail < 0.5_wp*abs(2*c(2))
+    told = tail < abs(c(2))
     if (.not. told) return
     most = max(most, horner(c, from), horner(c, to))
     if (c(2) >= 0 .or. horner_slope(c, from) <= 0 .or. horner_slope(c, to) >= 0) return

@@ -16,7 +16,7 @@ module lapwing_flank_frames
 
 contains
 
-  !> The frame of a step in contact.
+  !> The frame of a step in contact: what `frame_about` makes of it, with nothing left to decide.
   pure subroutine open_in_contact(table, width, instant, frame)
     type(te_table_t), intent(in) :: table        !! motion of the flanks
     real(wp), intent(in) :: width                !! distance between them, rad
@@ -98,14 +98,10 @@ contains
     real(wp), intent(in) :: width                !! distance between them, rad
     type(frame_t), intent(inout) :: frame        !! frame, moved one piece on
     real(wp) :: g(0:max_degree)
-    call value_and_slope(frame%flank(:, frame%chart), frame%piece_end - frame%piece_begin, &
-        g(0), g(1))
+    g = on_next_piece(table, frame)
     frame%piece = frame%piece + 1
     frame%piece_begin = frame%piece_end
     frame%piece_end = table%knot(frame%piece + 1) - frame%t
-    ! Off kinks the jump is rounding, but left out it would add up to a mean force.
-    g(1) = g(1) + table%slope_jump(frame%piece)
-    g(2:) = table%coefficient(2:, frame%piece)
     call set_flanks(g, width, frame)
   end subroutine go_on
 
@@ -135,7 +131,7 @@ contains
     if (s <= frame%piece_end) then
       call value_and_slope(frame%flank(:, frame%chart), s, position, slope)
     else if (s <= second_end(table, frame)) then
-      call value_and_slope(on_second(table, frame), s - frame%piece_end, position, slope)
+      call value_and_slope(on_next_piece(table, frame), s - frame%piece_end, position, slope)
     else
       piece = min(piece_at(table, frame%t + s), frame%stop_knot - 1)
       call value_and_slope(table%coefficient(:, piece), (frame%t + s) - table%knot(piece), &
@@ -153,15 +149,16 @@ contains
   end function second_end
 
   !> The flank of a frame's chart on the piece after the frame's own, about the knot between them.
-  pure function on_second(table, frame) result(g)
+  pure function on_next_piece(table, frame) result(g)
     type(te_table_t), intent(in) :: table        !! motion of the flanks
-    type(frame_t), intent(in) :: frame           !! frame as opened
+    type(frame_t), intent(in) :: frame           !! frame
     real(wp) :: g(0:max_degree)
-    call value_and_slope(frame%flank(:, frame%chart), frame%piece_end, g(0), g(1))
+    call value_and_slope(frame%flank(:, frame%chart), frame%piece_end - frame%piece_begin, &
+        g(0), g(1))
     ! Off kinks the jump is rounding, but left out it would add up to a mean force.
     g(1) = g(1) + table%slope_jump(frame%piece + 1)
     g(2:) = table%coefficient(2:, frame%piece + 1)
-  end function on_second
+  end function on_next_piece
 
   !> The flank at the quarters of a step, at its end to the same bit as asked for alone.
   pure subroutine flank_over_step(table, frame, h, position, slope)
@@ -182,7 +179,7 @@ contains
         end do
       end associate
     else if (h <= second_end(table, frame)) then
-      g = on_second(table, frame)
+      g = on_next_piece(table, frame)
       do i = 1, 4
         if (s(i) <= frame%piece_end) then
           call value_and_slope(frame%flank(:, frame%chart), s(i), position(i), slope(i))

@@ -9,7 +9,7 @@ module lapwing_oscillator
   use lapwing_codes, only: separation, drive_flank, coast_flank, law_compliant, law_rigid, &
       law_absolute, gap_symmetric, gap_one_flank
   use lapwing_clearance, only: stays_inside
-  use lapwing_flank_frames, only: open_in_contact, frame_about, flank_in_frame, flank_over_step
+  use lapwing_flank_frames, only: frame_about, flank_in_frame, flank_over_step
   use lapwing_flight_leaps, only: leap_over_pieces
   use lapwing_parameters, only: parameters_t, natural_angle, felt_jump
   use lapwing_polynomial, only: max_degree, horner, horner_slope, taylor_shift
@@ -34,7 +34,7 @@ module lapwing_oscillator
     logical :: coast_moves = .true.       !! whether the coast flank moves with g
     logical :: alike = .true.             !! whether all flanks there are move with g
   contains
-    procedure :: open_frame => open_step_frame
+    procedure :: open_frame => open_table_frame
     procedure :: flank_motion, change_force
     procedure :: next_piece, derivatives, gap, contact, commit, pressing
     procedure :: rebound, sums_chatter, launch, pass_knot, scales, observe
@@ -84,20 +84,6 @@ contains
     call set_force(self, parameters)
     call find_jumps(self%table, felt_jump(parameters))
   end subroutine change_force
-
-  !> The frame of a step.
-  pure subroutine open_step_frame(self, instant, frame, z)
-    class(oscillator_t), intent(in) :: self
-    type(instant_t), intent(in) :: instant       !! where the step begins
-    type(frame_t), intent(out) :: frame          !! its frame
-    real(wp), intent(out) :: z(max_states)       !! local coordinates of the instant
-    if (instant%motion_state == separation .or. self%rigid .or. .not. self%alike) then
-      call open_table_frame(self, instant, frame, z)
-    else
-      call open_in_contact(self%table, self%width, instant, frame)
-      z = instant%y
-    end if
-  end subroutine open_step_frame
 
   !> Open the Galilean frame of the flank last touched.
   pure subroutine open_table_frame(self, instant, frame, z)
