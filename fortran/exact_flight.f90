@@ -8,7 +8,7 @@ module lapwing_exact_flight
   use lapwing_closed_form, only: closed_form_t, locate_panel, launch_order, reach
   use lapwing_damped, only: n_taylor
   use lapwing_first_meeting, only: target_t, first_meeting, quick_return, only_zero
-  use lapwing_panel_series, only: flight_series
+  use lapwing_panel_series, only: flight_series, flight_on_piece, range_of_flight
   use lapwing_polynomial, only: max_degree, horner, horner_slope, bernstein, bernstein_on, &
       first_descent, least, largest
   use lapwing_smooth_curve, only: scene_t, curve_t, expand_launch, expand_fully, curve_at, &
@@ -95,7 +95,7 @@ contains
     integer, intent(in) :: touching            !! flank at zero distance, left at s = 0
     real(wp), intent(in) :: stop               !! latest end
     type(end_t), intent(out) :: at             !! the end
-    real(wp) :: c(0:max_degree), begin, to, s
+    real(wp) :: c(0:max_degree), begin, to, s, x, v
     integer :: piece, next, left
     c = curve%taylor(0:max_degree)
     piece = curve%piece
@@ -114,44 +114,37 @@ contains
       piece = piece + 1
       next = piece
       if (scene%blocks%pieces > 0) call pass_blocks(scene, curve, wall, stop, next)
-      c = -scene%table%coefficient(:, next)
-      if (next == piece) then
-        c(0) = at%x
-        ! Off kinks the jump is rounding, but left out it would add up to a mean force.
-        c(1) = at%v - scene%table%slope_jump(piece)
-      else
+      x = at%x
+      ! Off kinks the jump is rounding, but left out it would add up to a mean force.
+      v = at%v - scene%table%slope_jump(piece)
+      if (next > piece) then
         piece = next
         begin = scene%table%knot(piece) - curve%t
         call fly_from(scene, curve, begin, scene%table%coefficient(0, piece), &
-            scene%table%coefficient(1, piece), c(0), c(1))
+            scene%table%coefficient(1, piece), x, v)
       end if
-      c(2) = c(2) + 0.5_wp*scene%force
+      c = flight_on_piece(scene, piece, x, v)
     end do
     if (at%flank == no_flank) at%s = stop
   end subroutine flight_over_table
 
-  !> From a piece that begins a block past all blocks on which neither flank can be met: a parabola
-  !> lies on one side of its chord, no farther from it than acceleration*duration**2/8.
+  !> From a piece that begins a block past all blocks on which neither flank can be met.
   pure subroutine pass_blocks(scene, curve, wall, stop, piece)
     type(scene_t), intent(in) :: scene         !! scene
     type(curve_t), intent(in) :: curve         !! stretch
     real(wp), intent(in) :: wall(2)            !! positions of the flanks
     real(wp), intent(in) :: stop               !! latest end
     integer, intent(inout) :: piece            !! piece, then the one to be looked at next
-    real(wp) :: begin, finish, theta, next, sag, rate
+    real(wp) :: finish, low, high
     integer :: block, after
-    rate = curve%v + curve%flank(2)
     do
       if (mod(piece - 1, scene%blocks%pieces) /= 0) return
       block = (piece - 1)/scene%blocks%pieces + 1
       after = min(piece + scene%blocks%pieces, scene%table%n + 1)
-      begin = scene%table%knot(piece) - curve%t
       finish = min(scene%table%knot(after) - curve%t, stop)
-      theta = (curve%x + curve%flank(1)) + (rate + 0.5_wp*scene%force*begin)*begin
-      next = (curve%x + curve%flank(1)) + (rate + 0.5_wp*scene%force*finish)*finish
-      sag = 0.125_wp*scene%force*(finish - begin)**2
-      if (max(theta, next) - min(sag, 0.0_wp) >= scene%blocks%g_low(block) + wall(1) .or. &
-          min(theta, next) - max(sag, 0.0_wp) <= scene%blocks%g_high(block) + wall(2)) return
+      call range_of_flight(scene, curve, scene%table%knot(piece) - curve%t, finish, low, high)
+      if (high >= scene%blocks%g_low(block) + wall(1) &
+          .or. low <= scene%blocks%g_high(block) + wall(2)) return
       if (finish >= stop) then
         ! The piece with the stop in it, or at its end, is looked at like any other.
         after = locate_piece(scene%table, curve%t + stop, after - 1)

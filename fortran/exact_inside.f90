@@ -4,7 +4,7 @@ module lapwing_exact_inside
   use lapwing_closed_form, only: locate_panel, free_size
   use lapwing_first_meeting, only: first_turn
   use lapwing_damped, only: n_taylor
-  use lapwing_panel_series, only: flight_series
+  use lapwing_panel_series, only: flight_series, flight_on_piece, range_of_flight
   use lapwing_polynomial, only: max_degree, horner, horner_slope, bernstein_on, largest, &
       critical_points
   use lapwing_smooth_curve, only: scene_t, curve_t, curve_at, curve_taylor, fly_from
@@ -115,11 +115,8 @@ contains
       v = horner_slope(c, to - begin)
       begin = to
       piece = piece + 1
-      c = -scene%table%coefficient(:, piece)
-      c(0) = x
       ! Off kinks the jump is rounding, but left out it would add up to a mean force.
-      c(1) = v - scene%table%slope_jump(piece)
-      c(2) = c(2) + 0.5_wp*scene%force
+      c = flight_on_piece(scene, piece, x, v - scene%table%slope_jump(piece))
     end do
   end function farthest_over_pieces
 
@@ -141,6 +138,8 @@ contains
     end do
   end subroutine raise_on_piece
 
+  !> In contact, or in flight over a series.
+  !>
   !> Panels are bounded by their Bernstein coefficients, blocks of panels by ranges; only those that
   !> could hold a larger value than the ends of all of them are searched.
   pure real(wp) function farthest_over_panels(scene, curve, sign, until, least) result(most)
@@ -149,38 +148,25 @@ contains
     real(wp), intent(in) :: sign               !! +1: the largest x, -1: the smallest
     real(wp), intent(in) :: until              !! end of the stretch
     real(wp), intent(in) :: least              !! value known already
-    real(wp) :: begin, finish, x, v
-    integer :: panel, first, last, pass
-    logical :: flies
-    flies = .not. curve%contact .and. scene%form%harmonic .and. curve%moving
-    first = locate_panel(scene%form, curve%t)
+    real(wp) :: begin, finish
+    integer :: panel, last
     most = max(least, sign*curve%x)
-    do pass = 1, 2
-      panel = first
-      begin = 0
-      do
-        last = last_of_block(scene, panel)
-        finish = min(scene%form%edge(last + 1) - curve%t, until)
-        if (pass == 1) then
-          if (finish >= until) last = min(last, locate_panel(scene%form, curve%t + until))
-          if (finish < until .and. flies .and. finish > curve%near) then
-            call fly_from(scene, curve, finish, scene%form%g_taylor(0, last + 1), &
-                scene%form%g_taylor(1, last + 1), x, v)
-          else
-            call curve_at(scene, curve, last, finish, x, v)
-          end if
-          most = max(most, sign*x)
-        else if (last > panel) then
-          if (block_bound(scene, curve, sign, panel, begin, finish) > most) then
-            last = panel
-            finish = min(scene%form%edge(last + 1) - curve%t, until)
-          end if
+    call look_at_ends(scene, curve, sign, until, most)
+    panel = locate_panel(scene%form, curve%t)
+    begin = 0
+    do
+      last = last_of_block(scene, panel)
+      finish = min(scene%form%edge(last + 1) - curve%t, until)
+      if (last > panel) then
+        if (block_bound(scene, curve, sign, panel, begin, finish) > most) then
+          last = panel
+          finish = min(scene%form%edge(last + 1) - curve%t, until)
         end if
-        if (pass == 2 .and. last == panel) call search_panel(begin, finish)
-        if (finish >= until .or. last == scene%form%n) exit
-        begin = finish
-        panel = last + 1
-      end do
+      end if
+      if (last == panel) call search_panel(begin, finish)
+      if (finish >= until .or. last == scene%form%n) return
+      begin = finish
+      panel = last + 1
     end do
   contains
     !> Part of a panel: where it could hold a larger value, its turns.
@@ -189,7 +175,7 @@ contains
       real(wp) :: from, s, at, rate, c(0:max_degree), rest
       real(wp) :: series(0:n_taylor), middle
       logical :: found
-      if (flies .and. lower > curve%near) then
+      if (.not. curve%contact .and. lower > curve%near) then
         associate (here => scene%form%panel(panel))
           at = flight_bound(scene, curve, sign, lower, upper, here%g_low, here%g_high)
           if (at <= most) return
@@ -212,6 +198,35 @@ contains
       end do
     end subroutine search_panel
   end function farthest_over_panels
+
+  !> Raise `most` to the largest sign*x at the ends of blocks, or of panels where there are none.
+  pure subroutine look_at_ends(scene, curve, sign, until, most)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch, its series known
+    real(wp), intent(in) :: sign               !! +1 or -1
+    real(wp), intent(in) :: until              !! end of the stretch
+    real(wp), intent(inout) :: most            !! largest value
+    real(wp) :: finish, x, v
+    integer :: last
+    last = locate_panel(scene%form, curve%t)
+    do
+      last = last_of_block(scene, last)
+      finish = scene%form%edge(last + 1) - curve%t
+      if (finish >= until) exit
+      if (.not. curve%contact .and. finish > curve%near) then
+        call fly_from(scene, curve, finish, scene%form%g_taylor(0, last + 1), &
+            scene%form%g_taylor(1, last + 1), x, v)
+      else
+        call curve_at(scene, curve, last, finish, x, v)
+      end if
+      most = max(most, sign*x)
+      if (last == scene%form%n) return
+      last = last + 1
+    end do
+    last = min(last, locate_panel(scene%form, curve%t + until))
+    call curve_at(scene, curve, last, until, x, v)
+    most = max(most, sign*x)
+  end subroutine look_at_ends
 
   !> Last panel of the block that a panel begins, or the panel itself.
   pure integer function last_of_block(scene, panel) result(last)
@@ -249,12 +264,9 @@ contains
     real(wp), intent(in) :: sign               !! +1 or -1
     real(wp), intent(in) :: begin, finish      !! times since the stretch began
     real(wp), intent(in) :: g_low, g_high      !! range of g between them
-    real(wp) :: theta(2), rate, sag
-    rate = curve%v + curve%flank(2)
-    theta = (curve%x + curve%flank(1)) + (rate + 0.5_wp*scene%force*[begin, finish])*[begin, finish]
-    ! A parabola is this far from its chord, at most.
-    sag = 0.125_wp*abs(scene%force)*(finish - begin)**2
-    bound = max(sign*theta(1), sign*theta(2)) + sag
+    real(wp) :: low, high
+    call range_of_flight(scene, curve, begin, finish, low, high)
+    bound = merge(high, -low, sign > 0)
     if (curve%moving) bound = bound + merge(-g_low, g_high, sign > 0)
   end function flight_bound
 end module lapwing_exact_inside

@@ -1,12 +1,13 @@
 !> The motion over a panel as one Taylor series about its middle, exact to rounding: no sines, no
-!> exponentials.
+!> exponentials. And what a flight is where no series is needed: over a table piece, and at most.
 module lapwing_panel_series
   use lapwing_kinds, only: wp
   use lapwing_damped, only: near_matrix, n_taylor
+  use lapwing_polynomial, only: max_degree
   use lapwing_smooth_curve, only: scene_t, curve_t
   implicit none
   private
-  public :: free_in_middle, contact_series, flight_series
+  public :: free_in_middle, contact_series, flight_series, flight_on_piece, range_of_flight
 
 contains
 
@@ -53,4 +54,32 @@ contains
       c(2) = sign*(0.5_wp*scene%force - here%g(2))
     end associate
   end subroutine flight_series
+
+  !> Position in a flight on a table piece, about its knot, from position and velocity there.
+  pure function flight_on_piece(scene, piece, x, v) result(c)
+    type(scene_t), intent(in) :: scene             !! scene
+    integer, intent(in) :: piece                   !! piece
+    real(wp), intent(in) :: x, v                   !! position and velocity, after any jump
+    real(wp) :: c(0:max_degree)
+    c = -scene%table%coefficient(:, piece)
+    c(0) = x
+    c(1) = v
+    c(2) = c(2) + 0.5_wp*scene%force
+  end function flight_on_piece
+
+  !> Least and greatest theta of a flight between two times: a parabola lies on one side of its
+  !> chord, no farther from it than acceleration*duration**2/8.
+  pure subroutine range_of_flight(scene, curve, begin, finish, low, high)
+    type(scene_t), intent(in) :: scene             !! scene
+    type(curve_t), intent(in) :: curve             !! stretch
+    real(wp), intent(in) :: begin, finish          !! times since it began
+    real(wp), intent(out) :: low, high             !! bounds of x + g
+    real(wp) :: first, last, rate, sag
+    rate = curve%v + curve%flank(2)
+    first = (curve%x + curve%flank(1)) + (rate + 0.5_wp*scene%force*begin)*begin
+    last = (curve%x + curve%flank(1)) + (rate + 0.5_wp*scene%force*finish)*finish
+    sag = 0.125_wp*scene%force*(finish - begin)**2
+    low = min(first, last) - max(sag, 0.0_wp)
+    high = max(first, last) - min(sag, 0.0_wp)
+  end subroutine range_of_flight
 end module lapwing_panel_series
