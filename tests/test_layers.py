@@ -170,7 +170,7 @@ PACKAGE = ROOT / "pydriver" / "lapwing"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 # Lowest first; modules of one row may not import each other unless a row says so.
 PYTHON_LAYERS = [
-    {"codes", "transmission_error_file", "threads", "stability_names",
+    {"codes", "signals", "transmission_error_file", "threads", "stability_names",
      "spectra", "harmonic_series"},
     {"transmission_error", "result_variables"},
     {"oscillator"},
