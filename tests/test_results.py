@@ -180,7 +180,7 @@ def test_nothing_but_a_result_file_is_read(tmp_path):
 
 def test_reading_needs_no_engine(path):
     code = ("import sys; from lapwing.results import read_results; "
-            "from lapwing.summary import summary_text; "
+            "from lapwing.report.summary import summary_text; "
             f"summary_text(read_results({str(path)!r})); "
             "sys.exit('lapwing._engine' in sys.modules)")
     subprocess.run([sys.executable, "-c", code], check=True)

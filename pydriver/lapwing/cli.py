@@ -271,8 +271,8 @@ def _run(deck, out, threads, force, progress):
 
 def _critical(deck, threads):
     """Search and print the critical values of one deck; returns its exit code."""
+    from lapwing.report.critical import critical_text
     from lapwing.studies.critical_of_deck import critical_study
-    from lapwing.summary_critical import critical_text
 
     if not deck.criticals:
         _complain(f"{deck.path}: no &critical in this deck")

@@ -71,6 +71,7 @@ def run_deck(deck, parent, *, threads, force=False, progress=None):
         where results of other values lie there and `force` is not given.
     """
     from lapwing.plots.crew import Crew
+    from lapwing.report.headlines import headlines
 
     folder = Path(parent) / deck.stem
     if _reusable(deck, folder, force):
@@ -84,7 +85,7 @@ def run_deck(deck, parent, *, threads, force=False, progress=None):
     if not interrupted and not undrawn:
         (folder / USED_DECK).write_text(used_text(deck, folder), encoding="utf-8")
     return Outcome(folder, interrupted=interrupted, failed=_failed(responses, criticals, sweeps),
-                   undrawn=undrawn, headlines=_headlines(responses, criticals, sweeps))
+                   undrawn=undrawn, headlines=headlines(responses, criticals, sweeps))
 
 
 def _reusable(deck, folder, force):
@@ -291,8 +292,8 @@ def _reference_oscillator(deck):
 def _present(folder, crew, report):
     """Summary and figures from the file alone; returns figures not drawn, and why."""
     from lapwing.plots import FigureError, draw_all
+    from lapwing.report.summary import summary_text
     from lapwing.results import read_results
-    from lapwing.summary import summary_text
 
     done = report("figures", 100, "%")
     with read_results(folder / RESULT_FILE) as results:
@@ -318,23 +319,6 @@ def _failed(responses, criticals, sweeps):
         if points:
             failed.append(f"sweep {name} ({points} points)")
     return tuple(failed)
-
-
-def _headlines(responses, criticals, sweeps):
-    """One line for each study."""
-    from lapwing.summary_critical import headline
-
-    lines = []
-    for response in responses:
-        attrs = response.attrs
-        lines.append(f"{attrs['name']}: {attrs['motion_class']}, "
-                     f"{attrs['impacts_per_cycle']:.4g} impacts per cycle, deepest separation "
-                     f"{1e6 * attrs['deepest_separation']:.4g} µrad")
-    lines += [f"{name}: {headline(critical)}" for name, critical in criticals.items()]
-    for name, sweep in sweeps.items():
-        done = int((sweep["status"] == Status.OK).sum())
-        lines.append(f"{name}: {done} of {sweep['status'].size} points")
-    return tuple(lines)
 
 
 def _read(path):

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lapwing import engine
+from lapwing.arrivals import arrivals_of
 from lapwing.codes import EventKind, MotionState, Status
 from lapwing.engine import CYCLE_NAMES, Numerics, TrajectoryCall, Wanted
 from lapwing.studies import motion
@@ -227,13 +228,12 @@ def _by_cycle(osc, pair, recording, column):
     _, cycle, _, _, before, after = recording.log[impacts].T
     np.add.at(force, cycle.astype(int), newton * (before - after) / osc.period)
     np.add.at(energy, cycle.astype(int), 0.5 * pair.torsional_stiffness * (before**2 - after**2))
-    fastest = motion.fastest_impacts(recording.log, record, pair.natural_frequency)
+    fastest = motion.fastest_arrivals(recording.log, record, pair.natural_frequency,
+                                      osc.contact_law)
     if recording.status != Status.OK:
         force, energy, fastest = force * np.nan, energy * np.nan, fastest * np.nan
-    # Without restitution nothing is an impact; there each arrival of a free tooth counts.
-    counts = (("engages", "back_engages", "engages", "back_engages")
-              if osc.contact_law == "compliant" else
-              ("counted_impacts", "counted_back_impacts", "impacts", "back_impacts"))
+    law = arrivals_of(osc.contact_law)
+    counts = (law.drive, law.coast, law.every_drive, law.every_coast)
     return {**dict(zip(MEANS[:4], (column[key] for key in counts), strict=True)),
             "chatter_ends_per_cycle": column["chatter_ends"] + column["back_chatter_ends"],
             "mesh_force_mean": newton * mean, "mesh_force_peak": newton * peak,

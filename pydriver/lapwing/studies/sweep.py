@@ -7,6 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 
 from lapwing import engine
+from lapwing.arrivals import arrivals_of
 from lapwing.codes import EventKind, Status
 from lapwing.engine import CYCLE_NAMES, Numerics, Wanted, work_counts
 from lapwing.gear_pair import GearPair
@@ -95,7 +96,8 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
         threads=threads or default_threads(), progress=progress,
         keep_interrupted=keep_interrupted)
     data = _dataset(result, oscillators, parameter, values, starts, wanted, phase,
-                    {"settle": settle, "record": record, "rtol": rtol,
+                    {"contact_law": oscillators[0].contact_law, "settle": settle,
+                     "record": record, "rtol": rtol,
                      "method": engine.common_method(oscillators, numerics),
                      "count_depth": count_depth, "interrupted": int(result.interrupted)})
     if "spectra" in observe:
@@ -165,7 +167,8 @@ def _dataset(result, oscillators, parameter, values, starts, wanted, phase, attr
         data[name] = ((*by_point, "recorded_cycle"), table)
     if wanted.cycles:
         data["period"] = (by_point, _periods(tables, oscillators))
-        data["motion_class"] = (by_point, _classes(tables, data["period"][1], oscillators))
+        data["motion_class"] = (by_point, _classes(tables, data["period"][1], data["status"][1],
+                                                   oscillators[0].contact_law))
     if wanted.tangent:
         data |= _stability(result, tables, data["period"][1], oscillators, by_point)
     if wanted.impacts:
@@ -200,15 +203,14 @@ def _periods(tables, oscillators):
     return periods
 
 
-def _classes(tables, periods, oscillators):
-    """Class of each point, `period.motion_class`; without restitution arrivals are counted."""
-    counts = ("engages", "back_engages") if oscillators[0].contact_law == "compliant" else (
-        "counted_impacts", "counted_back_impacts")
+def _classes(tables, periods, status, contact_law):
+    """Class of each point, `period.motion_class`, by the arrivals of the law."""
+    law = arrivals_of(contact_law)
     drive, coast, ends, back_ends = (tables[..., CYCLE_NAMES.index(name)] for name in (
-        *counts, "chatter_ends", "back_chatter_ends"))
-    classes = np.full(periods.shape, "failed", dtype=object)
+        law.drive, law.coast, "chatter_ends", "back_chatter_ends"))
+    classes = np.where(status == Status.UNFINISHED, "unfinished", "failed").astype(object)
     for at in np.ndindex(*periods.shape):
-        if np.all(np.isfinite(drive[at])):
+        if status[at] == Status.OK:
             classes[at] = motion_class(int(periods[at]), drive[at], coast[at],
                                        np.any(ends[at] + back_ends[at] > 0))
     return classes.astype(str)
