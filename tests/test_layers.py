@@ -172,7 +172,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 PYTHON_LAYERS = [
     {"codes", "transmission_error_file", "threads", "stability_names",
      "spectra", "harmonic_series"},
-    {"transmission_error", "result_variables", "arrivals", "sweep_findings"},
+    {"transmission_error", "result_variables", "arrivals", "findings"},
     {"oscillator"},
     {"gear_pair"},
     {"linear_response"},

@@ -102,8 +102,8 @@ def test_sweep(text):
     kept = next(line for line in findings.splitlines() if line.startswith("- T_full"))
     assert kept.startswith("- T_full = 11.91674544 N·m: contact *can* be kept from here")
     assert "mesh phase 0.951457" in kept
-    assert re.search(r"rattling seen up to 12\.\d N·m \(carried upwards\); none at 8 values from 12 "
-                     r"to 12\.7 N·m above it \(each from rest, carried downwards\)$", kept)
+    assert re.search(r"rattling seen up to 12\.\d N·m \(carried upwards\); none at 8 values from "
+                     r"12 to 12\.7 N·m above it \(each from rest, carried downwards\)$", kept)
     # Bouncing survives above complete engagement when carried upwards (docs/model.md, section 8).
     hysteresis = re.search(r"differ in period, impacts or depth at (.*)", findings)[1]
     assert re.search(r"(11\.9|12)–12\.\d N·m", hysteresis)
@@ -161,8 +161,8 @@ def test_provenance_ends_it(text):
 
 @pytest.mark.parametrize(("value", "error", "shown"), [
     (321.236871, 2e-9, "321.237 (change 2e-09)"), (321.236871, 0.3, "321.2 (change 0.3)"),
-    (321.236871, 40, "320 (change 40)"), (5.0, 0.0, "5"), (0.0, 0.0, "0"), (1.5, 7.0, "2 (change 7)"),
-    (2.0, math.nan, "2"), (math.nan, 0.0, "–"), (1234567.0, 2e5, "1.2e+06 (change 200000)")])
+    (321.236871, 40, "320 (change 40)"), (5.0, 0.0, "5"), (0.0, 0.0, "0"),
+    (1.5, 7.0, "2 (change 7)"),    (2.0, math.nan, "2"), (math.nan, 0.0, "–"), (1234567.0, 2e5, "1.2e+06 (change 200000)")])
 def test_errors_are_readable(value, error, shown):
     assert with_error(value, error) == shown
 

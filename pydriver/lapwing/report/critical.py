@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from lapwing.codes import SearchStage
+from lapwing.findings import words_beyond
 from lapwing.report.words import UNITS, markdown, plural
-from lapwing.sweep_findings import words_beyond
 
 SYMBOLS = {"full": "T_full", "safe": "T_safe", "back": "T_back", "on": "T_on"}
 MEANINGS = {"full": "contact can be kept from", "safe": "no rattling survives",

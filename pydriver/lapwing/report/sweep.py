@@ -6,10 +6,10 @@ import numpy as np
 
 from lapwing.arrivals import arrivals_in, per_cycle
 from lapwing.codes import Status
+from lapwing.findings import START_NAMES, known, names, rattles, span, words_beyond
 from lapwing.report.hysteresis import hysteresis
 from lapwing.report.stability import sweep_stability
 from lapwing.report.words import UNITS, markdown, method_words, plural
-from lapwing.sweep_findings import START_NAMES, known, names, rattles, span, words_beyond
 
 # A sweep is told in about so many lines, spread over its range.
 TABLE_LINES = 12
