@@ -40,7 +40,8 @@ def test_full_engagement(full):
     said = text(full)
     assert "**T_full = 11.9167454367 N·m** (closed form, to rounding)" in said
     assert "0.951456732" in said and "Other motions may rattle" in said
-    assert "| n0 | contact can be kept from | brake torque (N·m) | 11.9167454367 | rounding |" in said
+    assert ("| n0 | contact can be kept from | brake torque (N·m) | 11.9167454367 | rounding |"
+            in said)
     assert headline(full) == "contact can be kept from: T_full = 11.9167454367 N·m"
 
 

@@ -55,7 +55,8 @@ def test_each_jump_is_named_with_its_bracket():
     up = [BOUNCING] * 6 + [ENGAGED] * 2
     down = [BOUNCING] * 3 + [ENGAGED] * 5
     said = text(made_up(up=up, down=down, rest=down))
-    assert said.startswith("up and down differ in period, impacts or depth at 4–6 N·m (judged at all 8 ")
+    assert said.startswith("up and down differ in period, impacts or depth at 4–6 N·m "
+                           "(judged at all 8 ")
     assert "| 4–6 | 1:(5,0), 100 µrad | engaged | as downwards | " \
         "3 to 4: downwards 1:(5,0), 100 µrad → engaged | " \
         "6 to 7: upwards 1:(5,0), 100 µrad → engaged |" in said

@@ -162,7 +162,8 @@ def test_provenance_ends_it(text):
 @pytest.mark.parametrize(("value", "error", "shown"), [
     (321.236871, 2e-9, "321.237 (change 2e-09)"), (321.236871, 0.3, "321.2 (change 0.3)"),
     (321.236871, 40, "320 (change 40)"), (5.0, 0.0, "5"), (0.0, 0.0, "0"),
-    (1.5, 7.0, "2 (change 7)"),    (2.0, math.nan, "2"), (math.nan, 0.0, "–"), (1234567.0, 2e5, "1.2e+06 (change 200000)")])
+    (1.5, 7.0, "2 (change 7)"), (2.0, math.nan, "2"), (math.nan, 0.0, "–"),
+    (1234567.0, 2e5, "1.2e+06 (change 200000)")])
 def test_errors_are_readable(value, error, shown):
     assert with_error(value, error) == shown
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lapwing.arrivals import arrivals_in
+from lapwing.findings import known
 
 FORMATS = ("png", "pdf")
 # Modules of this package with a `draw` each, by what they are drawn from.
@@ -72,7 +73,12 @@ def tasks_of(results):
 
 
 def _has(sweep, module):
-    """Whether a sweep holds what a figure shows; without restitution there are no impacts."""
+    """Whether a sweep holds what a figure shows.
+
+    No figure without a result to draw; and without restitution there are no impacts.
+    """
+    if not known(sweep).any():
+        return False
     if module == "impact_speed_density" and not arrivals_in(sweep.attrs).threshold:
         return False
     return NEEDED.get(module, "status") in sweep

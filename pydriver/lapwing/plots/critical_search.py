@@ -16,8 +16,8 @@ LOOKS = {
                           "the unsafe side"},
     SearchStage.FURTHER: {"marker": "o", "color": style.SKY, "label": "beyond the bracket"},
 }
-TITLES = {"full": "contact of the engaged motion", "safe": "rattling motions", "back": "back impacts",
-          "on": "rigid tooth on the flank"}
+TITLES = {"full": "contact of the engaged motion", "safe": "rattling motions",
+          "back": "back impacts", "on": "rigid tooth on the flank"}
 # The second panel of a search shows so many widths of the bracket to either side.
 CLOSE_UP = 6
 

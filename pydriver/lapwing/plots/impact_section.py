@@ -48,8 +48,8 @@ def draw(response, gear_pair=None):
         _speed_limits(axis, speed)
         figure.legend(loc="outside lower center", ncols=2)
         style.speed_scale(axis, millimetres)
-        axis.set_title(f"all {speed.size} {law.word}s in {cycles_recorded(response)} recorded cycles, "
-                       "whatever the depth of their flights")
+        axis.set_title(f"all {speed.size} {law.word}s in {cycles_recorded(response)} recorded "
+                       "cycles, whatever the depth of their flights")
     figure.suptitle(style.describe(response))
     return figure
 

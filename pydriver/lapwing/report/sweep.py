@@ -117,7 +117,7 @@ def _largest_of(values, done, seen, unit):
         return f"not known (no result at {plural(values.size, 'value')})"
     hits = np.flatnonzero(seen)
     if not hits.size:
-        part = "" if done.all() else f" of {values.size}, the others have no result"
+        part = "" if done.all() else f"; no result at the other {values.size - done.sum()}"
         return f"none at {span(values[done], unit)}{part}"
     last = f"{values[hits[-1]]:g} {unit}".rstrip()
     if hits[-1] == values.size - 1:
