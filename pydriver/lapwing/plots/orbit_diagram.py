@@ -134,8 +134,8 @@ def _impacts(axis, sweep, gear_pair, claims):
         axis.plot(x, per_cycle(branch), color=look["color"],
                   linewidth=1.0 + 0.4 * look["size"])
         back = per_cycle(branch, "coast")
-        axis.plot(x, np.where(back > 0, back, np.nan), linestyle="", marker="v", markersize=2 + look["size"],
-                  markeredgewidth=0, color=look["color"])
+        axis.plot(x, np.where(back > 0, back, np.nan), linestyle="", marker="v",
+                  markersize=2 + look["size"], markeredgewidth=0, color=look["color"])
     for claim in claims:
         if np.isfinite(claim.impacts):
             sweep_parts.claim_marker(axis, claim.value, claim.impacts)
