@@ -17,6 +17,7 @@ from lapwing import engine
 from lapwing.codes import EventKind, MotionState, Status
 from lapwing.engine import CYCLE_NAMES, Numerics, TrajectoryCall, Wanted
 from lapwing.studies import motion
+from lapwing.studies.intervals import mean_interval
 from lapwing.studies.mesh_force import (
     contact_forces,
     deflection,
@@ -34,6 +35,10 @@ MEANS = ("impacts_per_cycle", "back_impacts_per_cycle", "resolved_impacts_per_cy
 PEAKS = ("deepest_separation", "deepest_back_penetration", "mesh_force_peak", "impact_speed_max")
 FLOATS = ("phi", "phi_dot", "deepest_separation", "deepest_back_penetration")
 TIGHTEST_RTOL = 1e-13
+# The difference of two runs is the error of the worse one, less the better one's: a quarter more
+# (Roache 1994, J. Fluids Eng. 116, 405-413). Rounding: of the sums of a cycle's arcs.
+SAFETY = 1.25
+ROUNDING = 64 * float(np.finfo(float).eps)
 
 
 def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, record_cycles=100,
@@ -47,11 +52,15 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
     1. Follow the motion over the cycles to settle, recording nothing; whole cycles are recorded,
        so that with a start phase above 0 settling ends with the cycle under way.
     2. Record events, statistics of each cycle and samples in one pass of the engine.
-    3. Mesh force: cubic Hermite pieces between samples and contact events (force and its rate are
-       known at both ends), integrated and searched for extremes.
-    4. Do the same with rk4 at rtol/100 (1e-13 at least; 100·rtol below 1e-12): `X_error` is the
-       difference.
+    3. Mesh force: mean by momentum and peak from the known motion of each contact arc
+       (`mesh_force`); no sampling enters.
+    4. Do the same with rk4 at rtol/100 (1e-13 at least; 100·rtol below 1e-12): `X_change` is the
+       difference of the two runs, a change and no interval.
        `X_transient` is the second half of the recorded cycles less the first.
+    5. `X_error`, by `error_kind`. 'convergence': of a motion that repeats, 1.25 times the change,
+       the transient and rounding together. 'statistical': of any other, half of the 95 % interval
+       of an average over cycles (`intervals.mean_interval`); NaN, not known, where the record is
+       too short for it and for a largest value, which grows with the record.
 
     Parameters
     ----------
@@ -209,6 +218,23 @@ class _Outcome:
         return float(np.mean(values[end - window:end]))
 
 
+    def error(self, key, change):
+        """What is known of a number's error: of one that repeats, or of an average (NaN: nothing).
+
+        `change` is the difference from the other run.
+        """
+        if not self.period:
+            return mean_interval(self.by_cycle[key]).half_width if key in MEANS else math.nan
+        size = self.number("mesh_force_peak" if key == "mesh_force_mean" else key)
+        counted = key in MEANS[:5]
+        return SAFETY * change + abs(self.transient(key)) \
+            + (0.0 if counted else ROUNDING * abs(size))
+
+    def transient(self, key):
+        """The second half of the record less the first; NaN where it has no two."""
+        return self.number(key, 1) - self.number(key, 0)
+
+
 def _by_cycle(osc, pair, recording, column):
     """Arrays (record,) of every number whose mean or maximum is summarised."""
     newton = pair.mesh_stiffness * pair.pinion_base_lever
@@ -242,11 +268,12 @@ def _findings(main, reference):
     attrs = {"status": int(status), "status_meaning": status.name.lower(),
              "status_reference": int(reference.recording.status), "period": main.period,
              "motion_class": main.motion_class, "motion_class_reference": reference.motion_class,
-             "error_kind": "convergence" if main.period and reference.period else "statistical"}
+             "error_kind": "convergence" if main.period else "statistical"}
     for key in (*MEANS, *PEAKS):
         attrs[key] = main.number(key)
-        attrs[f"{key}_error"] = abs(main.number(key) - reference.number(key))
-        attrs[f"{key}_transient"] = main.number(key, 1) - main.number(key, 0)
+        attrs[f"{key}_change"] = abs(main.number(key) - reference.number(key))
+        attrs[f"{key}_transient"] = main.transient(key)
+        attrs[f"{key}_error"] = main.error(key, attrs[f"{key}_change"])
     visited = np.bitwise_or.reduce(main.by_cycle["states_visited"].astype(int)) \
         if status == Status.OK else 0
     return attrs | {"states_visited": int(visited),
