@@ -27,15 +27,14 @@ env: ## make .venv ready: compiler, dependencies, the package itself
 run: env ## run the shipped deck; it writes into results/
 	@$(ACTIVATED) lapwing run $(DECK)
 
-test: env ## Fortran and Python tests
+test: env ## style, Fortran and Python tests
 	@$(ACTIVATED) python .build/run_tests.py
 
 test-full: env ## the same and the long ones
 	@$(ACTIVATED) python .build/run_tests.py --full
 
 lint: env ## style of the Python and Fortran sources
-	@$(ACTIVATED); export PATH; ruff check . .build; python=$$?; \
-	    fortitude check fortran tests/fortran tests/reference && exit $$python
+	@$(ACTIVATED) python .build/run_tests.py --lint
 
 lock: ## pin the newest dependencies in .build/requirements.txt
 	@$(PYTHON) -m venv build/lock && build/lock/bin/python -m pip install -q uv

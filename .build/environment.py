@@ -26,7 +26,8 @@ VENV = ROOT / ".venv"
 BUILD = ROOT / "build"
 LOCK_FILE = ROOT / ".build" / "requirements.txt"
 # What goes into the installed package, or decides how it is built.
-PACKAGE_SOURCES = ("fortran", "pydriver", "meson.build", "pyproject.toml", "LICENSE", "README.md")
+PACKAGE_SOURCES = ("fortran", "pydriver", "meson.build", "meson.options", "pyproject.toml",
+                   "LICENSE", "README.md")
 
 
 def digest(paths) -> str:
@@ -152,6 +153,7 @@ def set_up(lock: int) -> None:
         options = ["--no-build-isolation", "--no-deps", "--force-reinstall"]
         # Spelled out: pip 23.0, which Debian 12 puts into a venv, does not know the short -C.
         options.append(f"--config-settings=build-dir={folder.relative_to(ROOT)}")
+        options.append("--config-settings=setup-args=-Dbench=true")
         pip_install(lock, *options, ".")
     write_stamp("package", key)
 

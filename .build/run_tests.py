@@ -1,4 +1,8 @@
-"""Run the Fortran and the Python tests, both whatever the first says, and report the two."""
+"""
+Run the style checks, the Fortran tests and the Python tests, and report each.
+
+Each is run whatever the others say; with `--lint` the style checks alone.
+"""
 
 import subprocess
 import sys
@@ -46,6 +50,14 @@ def python_tests(full: bool) -> None:
     run("python", "-m", "pytest", *(["-m", "full or not full"] if full else []))
 
 
+def lint() -> None:
+    """Style of all sources; both checkers speak before either fails."""
+    both = (("ruff", "check", ".", ".build"),
+            ("fortitude", "check", "fortran", "tests/fortran", "tests/reference"))
+    if not all([passes(run, *command) for command in both]):
+        raise subprocess.CalledProcessError(1, "lint")
+
+
 def passes(tests, *arguments) -> bool:
     """Whether the tests pass."""
     try:
@@ -57,12 +69,14 @@ def passes(tests, *arguments) -> bool:
 
 def main() -> int:
     """Run everything; the exit status."""
-    results = {"Fortran tests": passes(fortran_tests)}
-    results["Python tests"] = passes(python_tests, "--full" in sys.argv[1:])
-    omitted = unlisted()
-    for line in omitted:
-        print(line)
-    results["source lists"] = not omitted
+    results = {"style": passes(lint)}
+    if "--lint" not in sys.argv[1:]:
+        results["Fortran tests"] = passes(fortran_tests)
+        results["Python tests"] = passes(python_tests, "--full" in sys.argv[1:])
+        omitted = unlisted()
+        for line in omitted:
+            print(line)
+        results["source lists"] = not omitted
     for what, passed in results.items():
         print(f"{what}: {'passed' if passed else 'FAILED'}")
     return 0 if all(results.values()) else 1

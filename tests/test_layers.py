@@ -185,7 +185,7 @@ PYTHON_LAYERS = [
     {"summary_sweep"},
     {"results", "summary"},
     {"plots"},
-    {"run", "progress", "bench"},
+    {"run", "progress"},
     {"cli"},
     {"__main__"},
 ]
@@ -258,6 +258,12 @@ def test_plots_know_neither_engine_nor_studies():
     for path in (PACKAGE / "plots").rglob("*.py"):
         for module, _ in imports(path):
             assert not re.match(r"lapwing\.(engine|studies|_engine|simulate|sweep)", module)
+
+
+def test_the_package_knows_the_benchmark_by_its_command_only():
+    known = {(own_name(path), module) for path in MODULES for module, _ in imports(path)
+             if module.split(".")[0] == "lapwing_bench"}
+    assert known == {("cli", "lapwing_bench.command_line")}
 
 
 def test_studies_do_not_form_a_ring():

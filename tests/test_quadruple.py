@@ -13,8 +13,8 @@ from mpmath import mp, mpf
 
 from helpers import EPS, ROOT
 from lapwing import EventKind
-from lapwing.bench.reference import load, variant
-from lapwing.bench.scenes import SCENES, SHORT
+from lapwing_bench.reference import load, variant
+from lapwing_bench.scenes import SCENES, SHORT
 
 sys.path += [str(ROOT / "tests" / "reference"), str(ROOT / "tests" / "hard_cases")]
 import make_hard_cases

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 import os
-import shlex
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
@@ -34,7 +34,6 @@ Examples:
   lapwing run my_pair.nml --set operation.brake_torque=2 --out trial
   lapwing critical my_pair.nml              its critical values alone, printed
   lapwing plot results/my_pair/result.nc    draw its figures again
-  lapwing bench                             speed against error on this machine
 """)
 
 Decks = Annotated[list[Path], typer.Argument(metavar="DECK...", help="namelist decks")]
@@ -180,53 +179,6 @@ def plot(files: Annotated[list[Path], typer.Argument(metavar="RESULT.nc...", hel
     raise typer.Exit(code)
 
 
-@app.command()
-def bench(scene: Annotated[list[str], typer.Option(
-              metavar="NAME", help="scene to run; may be repeated; default: all")] = [],  # noqa: B006
-          method: Annotated[list[str], typer.Option(
-              metavar="NAME", help="method to run; may be repeated; default: all")] = [],  # noqa: B006
-          full: Annotated[bool, typer.Option(
-              "--full/--quick", help="every torque and tolerance (some 20 minutes), or fewer "
-              "(two minutes)")] = False,
-          repeats: Annotated[int, typer.Option(
-              min=0, help="repeats of each timing; 0: as --full or --quick say")] = 0,
-          out: Annotated[Path, typer.Option(metavar="DIR", help="where bench.nc and figure go")]
-          = Path("results/bench"),
-          page: Annotated[Path | None, typer.Option(
-              metavar="FILE.md", help="write the report as a page, its figure beside it")] = None,
-          source: Annotated[Path | None, typer.Option(
-              "--from", metavar="BENCH.nc", help="report on stored numbers, measure nothing")]
-          = None):
-    """Measure speed against error, beside what a user would pick instead.
-
-    Scenes: S1, S2, S3, S3b, S4, A. Methods: exact, rk4, heyoka, "numba DOPRI5", CVODE,
-    "SciPy RK45", "SciPy DOP853", "SciPy LSODA"; those not installed are named and left out
-    (they come with the extra: pip install 'lapwing[bench]').
-
-    \b
-    Examples:
-      lapwing bench
-      lapwing bench --scene S2 --scene A --method rk4 --method "numba DOPRI5"
-      lapwing bench --full --page docs/speed-and-error.md
-      lapwing bench --from results/bench/bench.nc
-    """  # noqa: D301
-    from lapwing.bench.command import BenchError, report_on, run_bench
-
-    command = "lapwing bench " + " ".join(shlex.quote(word) for word in sys.argv[2:])
-    try:
-        if source is None:
-            source = run_bench(scene, method, full=full, repeats=repeats, out=out,
-                               command=command.strip())
-        for path in report_on(source, out, page):
-            print(path)
-    except BenchError as error:
-        _complain(str(error))
-        raise typer.Exit(BAD_INPUT) from None
-    except OSError as error:
-        _complain(f"{error.filename or out}: {error.strerror or error}")
-        raise typer.Exit(BAD_INPUT) from None
-
-
 def _studies(deck):
     """How much there is to do."""
     counts = ((len(deck.responses), "response"), (len(deck.sweeps), "sweep"),
@@ -344,6 +296,13 @@ def _worst(one, other):
 
 def _complain(text):
     print(text, file=sys.stderr)
+
+
+# The benchmark lies beside the package: an installation has it or has it not.
+if find_spec("lapwing_bench"):
+    from lapwing_bench.command_line import bench
+
+    app.command()(bench)
 
 
 def main():

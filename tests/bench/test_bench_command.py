@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from lapwing.bench import measure, rivals, store
 from lapwing.cli import app
+from lapwing_bench import measure, rivals, store
 
 RUN = ["bench", "--scene", "S4", "--method", "rk4", "--method", "SciPy DOP853"]
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from lapwing import EventKind
-from lapwing.bench.judge import judge
-from lapwing.bench.outcome import Outcome
-from lapwing.bench.problem import Problem
-from lapwing.bench.reference import Reference
+from lapwing_bench.judge import judge
+from lapwing_bench.outcome import Outcome
+from lapwing_bench.problem import Problem
+from lapwing_bench.reference import Reference
 
 IMPACT, RELEASE = int(EventKind.IMPACT), int(EventKind.RELEASE)
 CHATTER_END, ENGAGE = int(EventKind.CHATTER_END), int(EventKind.ENGAGE)

@@ -7,8 +7,8 @@ import pytest
 
 from helpers import EPS, ROOT
 from lapwing import EventKind, MotionState
-from lapwing.bench.reference import load, variant
-from lapwing.bench.scenes import LONG, SCENES, SHORT
+from lapwing_bench.reference import load, variant
+from lapwing_bench.scenes import LONG, SCENES, SHORT
 
 KINDS = {"impact": EventKind.IMPACT, "release": EventKind.RELEASE, "engage": EventKind.ENGAGE,
          "chatter_end": EventKind.CHATTER_END}
@@ -37,7 +37,7 @@ def test_every_variant_is_of_this_scene(name):
 def test_the_force_is_the_engine_s_own_double(name):
     import xarray as xr
 
-    from lapwing.bench.reference import DATA
+    from lapwing_bench.reference import DATA
 
     scene = SCENES[name]
     for of in variants(scene):

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from lapwing.bench import rivals
-from lapwing.bench.judge import judge
-from lapwing.bench.problem import problem
-from lapwing.bench.reference import load, variant
-from lapwing.bench.rivals import RIVALS
-from lapwing.bench.scenes import SCENES, SHORT
+from lapwing_bench import rivals
+from lapwing_bench.judge import judge
+from lapwing_bench.problem import problem
+from lapwing_bench.reference import load, variant
+from lapwing_bench.rivals import RIVALS
+from lapwing_bench.scenes import SCENES, SHORT
 
 # Tight enough for every one of them to be far better than the error allowed below.
 TIGHT = {rival.name: rival.tolerances[-1] for rival in RIVALS}

@@ -7,10 +7,10 @@ import pytest
 
 from helpers import EPS, PAIR, SHIPPED
 from lapwing import critical_torque
-from lapwing.bench import scenes
-from lapwing.bench.problem import problem
-from lapwing.bench.reference import load
-from lapwing.bench.scenes import SCENES
+from lapwing_bench import scenes
+from lapwing_bench.problem import problem
+from lapwing_bench.reference import load
+from lapwing_bench.scenes import SCENES
 
 
 def test_the_gear_is_the_published_one():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from lapwing.bench import summary
+from lapwing_bench import summary
 
 
 def dataset(settings, *, calm=True, torques=5):

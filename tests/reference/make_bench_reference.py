@@ -1,4 +1,4 @@
-"""Write pydriver/lapwing/bench/data/*.nc, what `lapwing bench` judges against.
+"""Write pydriver/lapwing_bench/data/*.nc, what `lapwing bench` judges against.
 
 Command (from the repository root, minutes): python tests/reference/make_bench_reference.py
 It needs gmpy2 and the installed package, from which it takes the scenes' numbers as the doubles
@@ -22,8 +22,8 @@ from bench_flank import Series, table_pieces
 from bench_flow import CHATTER_END, DIGITS, IMPACT, Follower, Setup, working_precision
 from gmpy2 import mpfr
 
-from lapwing.bench.reference import write_reference
-from lapwing.bench.scenes import LONG, SCENES, SHORT
+from lapwing_bench.reference import write_reference
+from lapwing_bench.scenes import LONG, SCENES, SHORT
 
 DATA = Path(__file__).resolve().parents[2] / "pydriver" / "lapwing" / "bench" / "data"
 COMMAND = "python tests/reference/make_bench_reference.py"

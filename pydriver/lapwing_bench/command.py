@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 
-from lapwing.bench.scenes import SCENES
+from lapwing_bench.scenes import SCENES
 
 
 class BenchError(ValueError):
@@ -32,8 +32,8 @@ def run_bench(scenes, methods, *, full, repeats, out, command):
     BenchError
         names of scenes or methods that are not known.
     """
-    from lapwing.bench import store
-    from lapwing.bench.measure import FULL, METHODS, QUICK, measure
+    from lapwing_bench import store
+    from lapwing_bench.measure import FULL, METHODS, QUICK, measure
 
     _check(scenes, methods, METHODS)
     plan = FULL if full else QUICK
@@ -62,9 +62,9 @@ def report_on(source, out, page):
     -------
     list of Path, what there is to look at
     """
-    from lapwing.bench import report, store
-    from lapwing.bench.page import write_page
-    from lapwing.plots import style, work_precision
+    from lapwing.plots import style
+    from lapwing_bench import report, store, work_precision
+    from lapwing_bench.page import write_page
 
     datasets, attributes = store.read(source)
     report.show(datasets, attributes)

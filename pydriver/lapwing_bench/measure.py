@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lapwing.bench import ours
-from lapwing.bench.judge import judge
-from lapwing.bench.problem import problem
-from lapwing.bench.reference import load, variant
-from lapwing.bench.rivals import RIVALS
-from lapwing.bench.scenes import LONG, SHORT
+from lapwing_bench import ours
+from lapwing_bench.judge import judge
+from lapwing_bench.problem import problem
+from lapwing_bench.reference import load, variant
+from lapwing_bench.rivals import RIVALS
+from lapwing_bench.scenes import LONG, SHORT
 
 RK4_TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
 # Only says how far a run of `exact` is compared (judge.py); nothing of the method depends on it.

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from lapwing.bench.rivals.hybrid import COAST, DRIVE, SEPARATION, follow
+from lapwing_bench.rivals.hybrid import COAST, DRIVE, SEPARATION, follow
 
 STEP_FLOOR = 1e-12
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lapwing.bench.scenes import LONG, SHORT
+from lapwing_bench.scenes import LONG, SHORT
 
 DATA = Path(__file__).parent / "data"
 BY_EVENT = {"kind": np.int8, "cycle": np.int16, "phase": float, "velocity_before": float,

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from lapwing.bench.outcome import Record
 from lapwing.codes import EventKind
+from lapwing_bench.outcome import Record
 
 SEPARATION, DRIVE, COAST = 0, 1, 2
 MAX_EVENTS = 20_000

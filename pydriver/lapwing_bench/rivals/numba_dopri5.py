@@ -12,8 +12,8 @@ from functools import partial
 import numpy as np
 from numba import njit
 
-from lapwing.bench.outcome import Record
 from lapwing.codes import EventKind
+from lapwing_bench.outcome import Record
 
 SEPARATION, DRIVE, COAST = 0, 1, 2
 MAX_EVENTS, MAX_STEPS = 20_000, 2_000_000

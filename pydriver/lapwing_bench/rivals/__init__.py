@@ -43,7 +43,7 @@ class Rival:
 
     def follower(self, scene, tolerance):
         """See the package's docstring."""
-        module = import_module(f"lapwing.bench.rivals.{self.module}")
+        module = import_module(f"lapwing_bench.rivals.{self.module}")
         arguments = (self.variant,) if self.variant else ()
         return module.follower(scene, tolerance, *arguments)
 

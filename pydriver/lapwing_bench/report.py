@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from lapwing.bench import summary
-from lapwing.bench.ours import RECORDED, SETTLED
-from lapwing.bench.rivals import RIVALS
-from lapwing.bench.scenes import LONG, SHORT
+from lapwing_bench import summary
+from lapwing_bench.ours import RECORDED, SETTLED
+from lapwing_bench.rivals import RIVALS
+from lapwing_bench.scenes import LONG, SHORT
 
 FIGURE = "work_precision"
 # Characters the widest table needs; a narrower terminal breaks its lines.

@@ -8,7 +8,7 @@ import platform
 from importlib.metadata import version
 from pathlib import Path
 
-from lapwing.bench.rivals import RIVALS
+from lapwing_bench.rivals import RIVALS
 
 
 def provenance(command):

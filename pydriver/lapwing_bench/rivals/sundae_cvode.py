@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from sksundae.cvode import CVODE
 
-from lapwing.bench.rivals.hybrid import COAST, DRIVE, SEPARATION, follow
+from lapwing_bench.rivals.hybrid import COAST, DRIVE, SEPARATION, follow
 
 
 def follower(scene, tolerance):

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lapwing.bench.closest_approach import closest_approach, depth_beyond
 from lapwing.codes import EventKind
+from lapwing_bench.closest_approach import closest_approach, depth_beyond
 
 INITIAL_CHANGE = 1e-15
 # Below it a run is judged to the growth that the long horizon admits, 1e4 times 1e-15.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 
-from lapwing.bench.problem import STICKING
-from lapwing.bench.report import FIGURE, not_installed, tables
-from lapwing.bench.scenes import LONG, SHORT
+from lapwing_bench.problem import STICKING
+from lapwing_bench.report import FIGURE, not_installed, tables
+from lapwing_bench.scenes import LONG, SHORT
 
 HEAD = f"""# Speed and error
 
@@ -82,8 +82,9 @@ def _markdown(table):
 
 def write_page(path, datasets, attributes):
     """Write the page and, in `images` beside it, its figure; returns the paths."""
-    from lapwing.bench.report import panels
-    from lapwing.plots import style, work_precision
+    from lapwing.plots import style
+    from lapwing_bench import work_precision
+    from lapwing_bench.report import panels
 
     image = path.parent / "images" / f"{FIGURE}.png"
     image.parent.mkdir(parents=True, exist_ok=True)

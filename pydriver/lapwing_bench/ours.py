@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lapwing import engine
-from lapwing.bench.outcome import Outcome
 from lapwing.codes import EventKind, Status
 from lapwing.engine import Numerics, Wanted
+from lapwing_bench.outcome import Outcome
 
 # A full log ends a sweep that wants every event: far more than any scene lists in 50 cycles.
 AMPLE_ROOM = 20_000

@@ -15,10 +15,10 @@ from functools import partial
 import heyoka as hy
 import numpy as np
 
-from lapwing.bench.outcome import Record
-from lapwing.bench.problem import problem as problem_of
-from lapwing.bench.rivals.hybrid import COAST, DRIVE, MAX_EVENTS, SEPARATION, back, resolve
 from lapwing.codes import EventKind
+from lapwing_bench.outcome import Record
+from lapwing_bench.problem import problem as problem_of
+from lapwing_bench.rivals.hybrid import COAST, DRIVE, MAX_EVENTS, SEPARATION, back, resolve
 
 UP, DOWN = hy.event_direction.positive, hy.event_direction.negative
 # φ off a flank, in natural sizes: less than any digit of the motion feels.

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lapwing.plots import work_precision
+from lapwing_bench import work_precision
 
 CURVES = {
     "exact": ([1e-12], [0.5], [0]), "rk4": ([1e-5, 1e-7, 1e-9], [3.0, 4.0, 6.0], [0, 0, 0]),
