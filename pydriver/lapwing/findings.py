@@ -91,7 +91,8 @@ def words_beyond(sweep, value, unit=""):
         parts.append(f"{'none' if seen else 'no rattling seen'} at {span(looked, unit)} above it "
                      f"({names(starts)})")
     if blind:
-        parts.append(f"{'' if parts else 'what rattles above: '}not known ({names([one.start for one in blind])})")
+        head = "" if parts else "what rattles above: "
+        parts.append(f"{head}not known ({names([one.start for one in blind])})")
     return "; ".join(parts)
 
 

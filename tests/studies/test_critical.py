@@ -249,8 +249,11 @@ def test_cycles_are_counted_as_a_sweep_counts_them(back):
 
 
 def test_the_bound_is_the_exact_poisson_limit(back):
-    for k, n, bound in zip(back.trial_back_cycles.values, back.trial_cycles.values,
-                           back.trial_rate_bound.values, strict=True):
+    """Of bursts: one that lasts several cycles counts once."""
+    seen, burst = back.trial_back_cycles.values, back.trial_bursts.values
+    assert np.all(burst <= seen) and np.all((burst > 0) == (seen > 0)) and np.any(burst < seen)
+    for k, n, bound in zip(burst, back.trial_cycles.values, back.trial_rate_bound.values,
+                           strict=True):
         # At the limit, so few or fewer would be seen in 1 of 10 cases.
         assert poisson.cdf(k, bound * n) == pytest.approx(0.1, rel=1e-9)
     assert back.rate_bound == pytest.approx(-math.log(0.1) / 450)

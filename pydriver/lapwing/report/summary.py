@@ -361,7 +361,9 @@ def _trust(attrs):
 
 
 def _drifts(attrs, key):
-    limit = max(SETTLED * abs(attrs[key]), attrs[f"{key}_error"])
+    # Older files have the change between the runs as the error.
+    change = attrs.get(f"{key}_change", attrs[f"{key}_error"])
+    limit = max(SETTLED * abs(attrs[key]), change)
     return abs(attrs[f"{key}_transient"]) > limit
 
 

@@ -15,6 +15,7 @@ from lapwing.linear_response import critical_force
 from lapwing.rigid_contact import LiftOff, lift_off_force
 from lapwing.studies.critical_safe import SafeSearch, Trial
 from lapwing.studies.critical_starts import StartGrid, follow, start_grid
+from lapwing.studies.intervals import bursts, rate_limit
 from lapwing.studies.sweep import PARAMETER_UNITS, oscillator_at
 from lapwing.threads import default_threads
 
@@ -34,7 +35,8 @@ DESCRIPTIONS = {
     "trial_failed": ("1", "motions that failed numerically"),
     "trial_cycles": ("1", "mesh cycles examined"),
     "trial_back_cycles": ("1", "mesh cycles with a back impact"),
-    "trial_rate_bound": ("1", "upper limit of the rate of back impacts per mesh cycle"),
+    "trial_bursts": ("1", "bursts of mesh cycles with a back impact"),
+    "trial_rate_bound": ("1", "upper limit of the rate of bursts of back impacts per mesh cycle"),
     "trial_margin": ("rad", "force F above the one needed for contact")}
 
 
@@ -156,11 +158,13 @@ def critical_back(pair, te, *, parameter="brake_torque", values, safe_end="high"
     """Last value at which a back impact was seen, and how far the values beyond it can be trusted.
 
     Back impacts are rare events of chaotic motions and come in bands: every value is examined, and
-    none is called a threshold. For each the cycles with a back impact are counted, and the rate is
-    bounded from above by the exact one-sided Poisson limit χ²(confidence; 2k + 2)/2 over the
-    cycles examined, k cycles with one (k = 0 at 95 %: 3.0 over the cycles, the rule of three). It
-    takes cycles for independent; a motion that only a start outside of the grid leads to is in no
-    bound.
+    none is called a threshold. Cycles with a back impact come in bursts, which are told apart by
+    their gaps (`intervals.bursts`). The rate at which *bursts* begin is bounded from above by the
+    exact one-sided Poisson limit χ²(confidence; 2k + 2)/2 over the cycles examined, k bursts seen
+    (k = 0 at 95 %: 3.0 over the cycles, the rule of three). How many cycles a burst takes is in no
+    bound where none was seen. The limit takes bursts for independent, those of different starts
+    included: it says nothing of a motion that only a start outside of the grid leads to, nor of
+    bursts further apart than the cycles followed that all starts would share.
 
     Parameters
     ----------
@@ -173,7 +177,8 @@ def critical_back(pair, te, *, parameter="brake_torque", values, safe_end="high"
     Returns
     -------
     xarray.Dataset over `trial`, from the safe end: trial_value, trial_cycles (examined),
-    trial_back_cycles (with a back impact or back engagement), trial_rate_bound (per cycle),
+    trial_back_cycles (with a back impact or back engagement), trial_bursts, trial_rate_bound
+    (bursts per cycle),
     trial_starts, trial_failed. Attributes: find, parameter, outcome ('found', 'none_seen',
     'unsafe_throughout'), last_seen, first_clean (next to it on the safe side), clean_end (the last
     value scanned there), clean_cycles (examined over all clean values), rate_bound (of the clean
@@ -202,23 +207,19 @@ def critical_back(pair, te, *, parameter="brake_torque", values, safe_end="high"
                     for column in (fates.back_cycles, fates.failed))
     followed = np.bincount(owner, minlength=values.size)
     cycles = (followed - failed) * record
-    bound = _rate_bound(seen, cycles, confidence)
+    ends = np.cumsum(followed)
+    burst = np.array([bursts(fates.back_at[end - many:end])
+                      for end, many in zip(ends, followed, strict=True)])
+    bound = rate_limit(burst, cycles, confidence)
     return _dataset(
         "back", parameter, *_last_seen(values, seen), confidence=confidence,
         variables={"trial_value": values, "trial_starts": followed, "trial_failed": failed,
-                   "trial_cycles": cycles, "trial_back_cycles": seen, "trial_rate_bound": bound},
+                   "trial_cycles": cycles, "trial_back_cycles": seen, "trial_bursts": burst,
+                   "trial_rate_bound": bound},
         **_clean(values, seen, cycles, bound), **_scan(values, safe_end),
         **_starts(starts, phase, settle, record),
         method=common_method(oscillators, numerics), rtol=numerics.rtol,
         n_starts=int(followed[0]))
-
-
-def _rate_bound(seen, cycles, confidence):
-    """Exact one-sided upper limit of a Poisson rate per cycle; infinite without cycles."""
-    from scipy.stats import chi2
-
-    with np.errstate(divide="ignore"):
-        return 0.5 * chi2.ppf(confidence, 2 * seen + 2) / cycles
 
 
 def _last_seen(values, seen):
