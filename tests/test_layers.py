@@ -171,8 +171,8 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 # Lowest first; modules of one row may not import each other unless a row says so.
 PYTHON_LAYERS = [
     {"codes", "transmission_error_file", "threads", "stability_names",
-     "spectra", "harmonic_series"},
-    {"transmission_error", "result_variables", "arrivals", "findings"},
+     "spectra", "harmonic_series", "signals"},
+    {"transmission_error", "arrivals", "findings"},
     {"oscillator"},
     {"gear_pair"},
     {"linear_response"},

@@ -32,7 +32,7 @@ MANIFEST = "manifest.json"
 # In a staging folder as long as it is not complete: nothing else in it is of any worth.
 MAKING = ".making"
 MANIFEST_FORMAT = 1
-COMPLETE, INTERRUPTED = "complete", "interrupted"
+COMPLETE, INCOMPLETE = "complete", "incomplete"
 CHUNK = 1 << 20
 # renameat2(2): paths from the working folder, and both names change places in one step.
 AT_FDCWD, RENAME_EXCHANGE = -100, 2
@@ -91,7 +91,7 @@ class Manifest:
 
     Attributes
     ----------
-    state : 'complete' or 'interrupted'
+    state : 'complete' or 'incomplete' (something is left to be computed or drawn)
     inputs : str, hash of the values that the files follow from
     program, engine : str, version, and SHA-256 of the compiled engine
     files : dict of name -> {"size": bytes, "sha256": hex}
@@ -351,6 +351,7 @@ def recover(folder: str | Path) -> None:
             os.rename(old, folder)
     if staging.exists():
         _dissolve(staging, folder)
+    shutil.rmtree(folder.parent / f".{folder.name}.drawing", ignore_errors=True)
     for path in folder.glob(".result.nc.*.tmp") if folder.exists() else ():
         path.unlink(missing_ok=True)  # of versions that wrote into the folder itself
 
@@ -375,6 +376,66 @@ def _dissolve(staging: Path, folder: Path) -> None:
     staging.rmdir()
 
 
+def add_files(folder: str | Path, made: Path, known: tuple[str, ...] = ()) -> tuple[str, ...]:
+    """Publish files one by one into a folder, and list them in its manifest.
+
+    Parameters
+    ----------
+    folder : str or Path; made where missing
+    made : Path, folder of the new files, on the same file system; emptied
+    known : names in the folder that are the program's own although no manifest lists them
+
+    Returns
+    -------
+    tuple of str
+        Names that are not published: a file of the user's has this name.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    manifest, new = Manifest.read(folder) or Manifest(), Manifest.of(made)
+    taken = []
+    for name in new.files:
+        own = name in known or name in manifest.files or name == MANIFEST
+        if os.path.lexists(folder / name) and not own and new.wrong_with(folder / name):
+            taken.append(name)
+            (made / name).unlink()
+            continue
+        flush(made / name)
+        os.replace(made / name, folder / name)
+        manifest.files[name] = new.files[name]
+    manifest.write(made)
+    flush(made / MANIFEST)
+    os.replace(made / MANIFEST, folder / MANIFEST)
+    flush(folder)
+    return tuple(taken)
+
+
+def discard(folder: str | Path) -> None:
+    """Remove what a folder's manifest lists, and the folder itself if nothing else is in it."""
+    folder = Path(folder)
+    if Manifest.read(folder) is None:
+        return
+    for name in sorted(_own(folder)):
+        (folder / name).unlink(missing_ok=True)
+    with contextlib.suppress(OSError):
+        folder.rmdir()
+
+
+def probe(folder: Path) -> None:
+    """Write a little into a folder, and remove it; OSError with the system's reason if it fails."""
+    path = folder / f".probe.{os.getpid()}"
+    try:
+        with open(path, "wb") as file:
+            file.write(bytes(CHUNK))
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(folder)) from None
+    finally:
+        with contextlib.suppress(OSError):
+            path.unlink(missing_ok=True)
+
+
 @contextlib.contextmanager
 def os_errors(folder: Path) -> Iterator[None]:
     """Name the system's reason where a library says only that writing failed.
@@ -382,27 +443,17 @@ def os_errors(folder: Path) -> Iterator[None]:
     Raises
     ------
     OSError
-        with the reason found by writing a little into the folder, else with the library's words.
+        with the reason that `probe` finds, else with the library's words.
     """
     try:
         yield
     except (RuntimeError, OSError) as error:
-        if isinstance(error, OSError) and error.errno and error.errno > 0:
+        probe(folder)
+        if isinstance(error, OSError) and (error.errno or 0) > 0:
             raise
-        probe = folder / f".probe.{os.getpid()}"
-        try:
-            with open(probe, "wb") as file:
-                file.write(bytes(CHUNK))
-                file.flush()
-                os.fsync(file.fileno())
-        except OSError as found:
-            raise OSError(found.errno, found.strerror, str(folder)) from error
-        finally:
-            with contextlib.suppress(OSError):
-                probe.unlink(missing_ok=True)
         raise OSError(errno.EIO, str(error), str(folder)) from error
 
 
-__all__ = ["COMPLETE", "INTERRUPTED", "MANIFEST", "FolderLock", "LockedError", "Manifest",
-           "Staging", "StoreError", "flush", "os_errors", "publish_file", "recover", "sha256_of",
-           "staging_of"]
+__all__ = ["COMPLETE", "INCOMPLETE", "MANIFEST", "FolderLock", "LockedError", "Manifest",
+           "Staging", "StoreError", "add_files", "discard", "flush", "os_errors", "probe", "publish_file",
+           "recover", "sha256_of", "staging_of"]
