@@ -171,7 +171,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 # Lowest first; modules of one row may not import each other unless a row says so.
 PYTHON_LAYERS = [
     {"codes", "transmission_error_file", "threads", "stability_names",
-     "spectra", "harmonic_series", "signals"},
+     "spectra", "harmonic_series", "signals", "exit_codes"},
     {"transmission_error", "arrivals", "findings"},
     {"oscillator"},
     {"gear_pair"},

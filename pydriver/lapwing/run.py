@@ -27,6 +27,7 @@ from lapwing.results.store import (
     probe,
     recover,
 )
+from lapwing.signals import held
 
 RESULT_FILE = "result.nc"
 USED_DECK = "used.nml"
@@ -138,6 +139,12 @@ def folder_of(stem, parent):
         raise FolderError(f"a deck named {stem!r} has no folder of its own; expected is a name "
                           "that does not begin with a dot")
     folder = Path(parent) / stem
+    try:
+        str(folder.absolute()).encode()
+    except UnicodeEncodeError:
+        raise FolderError("netCDF files have names in UTF-8, which "
+                          f"{str(folder).encode('utf-8', 'backslashreplace').decode()} is not; "
+                          "rename the deck or take another --out") from None
     return folder.resolve() if folder.is_symlink() else folder
 
 
@@ -265,6 +272,7 @@ class _Run:
 
     def _publish(self, found, crew):
         """Write everything aside and publish it."""
+        from lapwing.plots import FORMATS
         from lapwing.report.headlines import headlines
         from lapwing.results import engine_digest
 
@@ -276,16 +284,29 @@ class _Run:
                 stack.enter_context(FolderLock(folder))
                 known = ()
             staging = stack.enter_context(Staging(folder))
-            variables = self._write(found, staging.path)
-            if not found.interrupted:
-                with contextlib.suppress(KeyboardInterrupt):
+            stopped = found.interrupted
+            try:
+                with held():
+                    variables = self._write(found, staging.path)
+            except KeyboardInterrupt:
+                stopped = True  # raised at the end of the block: the files are whole
+            if not stopped:
+                try:
                     undrawn = self._draw(staging.path, crew)
                     drawn = True
+                except KeyboardInterrupt:
+                    crew.stop()
+                    for path in staging.path.iterdir():
+                        if path.suffix[1:] in FORMATS:
+                            path.unlink()
             manifest = Manifest.of(
                 staging.path, state=COMPLETE if drawn and not undrawn else INCOMPLETE,
                 inputs=self.inputs, program=__version__, engine=engine_digest(),
                 variables=variables)
-            for name in staging.publish(manifest, known):
+            taken = ()
+            with contextlib.suppress(KeyboardInterrupt), held():
+                taken = staging.publish(manifest, known)
+            for name in taken:
                 undrawn[Path(name).stem] = f"a file of yours is named {name}; it is left as it is"
         if drawn:
             discard(self.aside)
@@ -304,7 +325,7 @@ class _Run:
             variables = checksums(folder / RESULT_FILE)
         else:
             variables = write_results(
-                folder / RESULT_FILE, deck_name=self.deck.stem, deck_text=self.deck.text,
+                folder / RESULT_FILE, deck_name=self.deck.title, deck_text=self.deck.text,
                 used_text=text, used_hash=self.inputs, pair=self.deck.gear_pair, te=self.deck.te,
                 osc=_reference_oscillator(self.deck), responses=[*found.responses.values()],
                 sweeps=found.sweeps, criticals=found.criticals, te_source=_te_source(self.deck),
