@@ -91,7 +91,7 @@ class Numerics:
             "copy_repeats": taken.take(arguments.flag, "copy_repeats", self.copy_repeats)}
         if self.chatter_tol is not None:
             checked["chatter_tol"] = taken.take(
-                arguments.real, "chatter_tol", self.chatter_tol, low=1e-300, above=0.0, high=1e-2)
+                arguments.real, "chatter_tol", self.chatter_tol, above=0.0, high=1e-2)
         for key in ("max_events_per_cycle", "max_steps_per_cycle"):
             checked[key] = taken.take(arguments.whole, key, getattr(self, key), 1)
         taken.raise_if_any("numerics")
