@@ -171,8 +171,8 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 # Lowest first; modules of one row may not import each other unless a row says so.
 PYTHON_LAYERS = [
     {"codes", "arguments", "transmission_error_file", "stability_names",
-     "spectra", "harmonic_series"},
-    {"threads", "transmission_error", "result_variables", "arrivals", "findings"},
+     "spectra", "harmonic_series", "signals"},
+    {"threads", "transmission_error", "arrivals", "findings"},
     {"oscillator"},
     {"gear_pair", "start"},
     {"linear_response"},

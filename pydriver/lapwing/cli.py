@@ -159,6 +159,7 @@ def plot(files: Annotated[list[Path], typer.Argument(metavar="RESULT.nc...", hel
       lapwing plot results/lapping_25x32/result.nc --out figures
     """  # noqa: D301
     from lapwing.plots import FigureError
+    from lapwing.results.store import StoreError
     from lapwing.run import plot_file
     from lapwing.threads import default_threads
 
@@ -173,7 +174,7 @@ def plot(files: Annotated[list[Path], typer.Argument(metavar="RESULT.nc...", hel
             for stem, what in error.failures.items():
                 _complain(f"{file}: figure {stem}: {what}")
             code = _worst(code, FAILED)
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, StoreError) as error:
             _complain(f"{file}: {error}")
             code = _worst(code, BAD_INPUT)
     raise typer.Exit(code)
@@ -236,11 +237,12 @@ def _load(paths, settings):
 
 def _run(deck, out, threads, force, progress):
     """Run one deck and report; returns its exit code."""
-    from lapwing.run import FolderError, run_deck
+    from lapwing.results.store import StoreError
+    from lapwing.run import run_deck
 
     try:
         outcome = run_deck(deck, out, threads=threads, force=force, progress=progress)
-    except FolderError as error:
+    except StoreError as error:
         _complain(str(error))
         return BAD_INPUT
     except OSError as error:
@@ -252,6 +254,8 @@ def _run(deck, out, threads, force, progress):
     finally:
         if progress is not None:
             progress.close()
+    for note in outcome.notes:
+        _complain(note)
     if outcome.reused:
         print(f"{deck.stem}: results of the same values are there already, reused: "
               f"{outcome.folder}")

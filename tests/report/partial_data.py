@@ -4,7 +4,7 @@ import numpy as np
 
 from helpers import PAIR, SHIPPED
 from lapwing import Status, sweep
-from lapwing.result_variables import described
+from lapwing.results.variables import described
 
 OPTIONS = {"settle": 30, "record": 20, "pinion_speed_rpm": 240, "max_impacts": 60,
            "observe": ("cycles", "impacts", "exponents", "speeds", "spectra")}

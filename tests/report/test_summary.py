@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import lapwing
-from helpers import PAIR, SHIPPED, scene_a
+from helpers import PAIR, SHIPPED, as_in_a_deck, scene_a
 from lapwing.report.hysteresis import _runs
 from lapwing.report.summary import (
     _doubtful,
@@ -38,7 +38,7 @@ def text(tmp_path_factory):
     path = tmp_path_factory.mktemp("summary") / "result.nc"
     write_results(path, deck_name="case", deck_text="", used_text="", used_hash="0a1b",
                   pair=PAIR, te=SHIPPED, osc=scene_a(1.0), responses=responses,
-                  sweeps={"torque": sweep})
+                  sweeps={"torque": as_in_a_deck(sweep)})
     with read_results(path) as results:
         return summary_text(results)
 

@@ -150,5 +150,5 @@ def _draw_on_demand(pipe):
         while True:
             path, task, folder, formats = pipe.recv()
             if path not in opened:
-                opened[path] = stack.enter_context(read_results(path))
+                opened[path] = stack.enter_context(read_results(path, check=False))
             pipe.send(attempt(opened[path], task, folder, formats))

@@ -1,0 +1,140 @@
+"""Signals that stop a run: one exception, raised once, at a place where nothing is torn apart.
+
+SIGINT (Ctrl-C), SIGTERM and SIGUSR1, by which schedulers end jobs, mean the same here: stop soon
+and keep what is finished.
+"""
+
+from __future__ import annotations
+
+import _thread
+import sys
+import threading
+from contextlib import contextmanager, suppress
+from signal import SIG_IGN, Signals, getsignal, raise_signal, signal
+
+NAMES = ("SIGINT", "SIGTERM", "SIGUSR1")
+SIGNALS = tuple(Signals[name] for name in NAMES if name in Signals.__members__)
+# Seconds after which a signal that was raised where nothing can be raised comes again.
+AGAIN = 0.05
+
+
+class Stopped(KeyboardInterrupt):
+    """A signal asks the run to stop.
+
+    Attributes
+    ----------
+    signum : int, the signal
+    """
+
+    def __init__(self, signum: int):
+        super().__init__(f"stopped by {Signals(signum).name}")
+        self.signum = signum
+
+
+class _Ear:
+    """What was heard since the outermost `listen` began; only the main thread changes it."""
+
+    def __init__(self):
+        self.listening = False
+        self.holds = 0
+        self.signum = None
+        self.raised = False
+
+    def hear(self, signum, _frame=None):
+        """Signal handler: a signal after the first changes nothing."""
+        if self.signum is None:
+            self.signum = signum
+        self.raise_if_due()
+
+    def raise_if_due(self):
+        """Raise what was heard, once, unless it is held."""
+        if self.signum is not None and not self.holds and not self.raised:
+            self.raised = True
+            raise Stopped(self.signum)
+
+
+_ear = _Ear()
+
+
+@contextmanager
+def listen():
+    """Have SIGINT, SIGTERM and SIGUSR1 raise `Stopped` in the main thread, the first one only.
+
+    Once it is raised, further signals are ignored until the block ends: what is written while
+    stopping is not stopped again.  A signal that was ignored on entry (a background job, nohup)
+    stays ignored; so does one whose handler is not Python's.  Handlers are restored at the end.
+    In other threads, and inside of another `listen`, nothing happens.
+    """
+    if not _in_main_thread() or _ear.listening:
+        yield
+        return
+    _ear.__init__()
+    _ear.listening = True
+    _ear.holds = 1  # a handler must not raise while only some are in place
+    before, hook = {}, sys.unraisablehook
+    try:
+        for signum in SIGNALS:
+            if getsignal(signum) not in (SIG_IGN, None):
+                before[signum] = signal(signum, _ear.hear)
+        sys.unraisablehook = lambda lost: _once_more(lost, hook)
+        _ear.holds = 0
+        _ear.raise_if_due()
+        yield
+    finally:
+        _ear.holds += 1
+        for signum, handler in before.items():
+            signal(signum, handler)
+        sys.unraisablehook = hook
+        _ear.listening = False
+        if _ear.signum is not None and not _ear.raised:
+            raise_signal(_ear.signum)  # heard at the very end: the handlers before may have it
+
+
+@contextmanager
+def held():
+    """Defer signals to the end of the block, where `Stopped` is raised.
+
+    While a run is stopping already, and in other threads, nothing is raised at the end.  Where the
+    block itself raises, its exception goes on, and `check` raises what was heard.  Outside of
+    `listen` it listens for as long as the block lasts.
+    """
+    if not _in_main_thread():
+        yield
+        return
+    with listen():
+        _ear.holds += 1
+        try:
+            yield
+        except BaseException:
+            _ear.holds -= 1
+            raise
+        _ear.holds -= 1
+        _ear.raise_if_due()
+
+
+def heard() -> int | None:
+    """The signal that was heard since the outermost `listen` began, or None."""
+    return _ear.signum
+
+
+def check() -> None:
+    """Raise `Stopped` if a signal was heard, even if it was raised before and got lost."""
+    if _ear.listening and _ear.signum is not None and not _ear.holds and _in_main_thread():
+        _ear.raised = True
+        raise Stopped(_ear.signum)
+
+
+def _in_main_thread():
+    return threading.current_thread() is threading.main_thread()
+
+
+def _once_more(lost, hook):
+    """What a destructor or a callback raises goes nowhere: raise it again a little later."""
+    if not isinstance(lost.exc_value, Stopped):
+        hook(lost)
+        return
+    _ear.raised = False
+    timer = threading.Timer(AGAIN, _thread.interrupt_main, [lost.exc_value.signum])
+    timer.daemon = True
+    with suppress(RuntimeError):  # no thread to be had: `check` finds it
+        timer.start()
