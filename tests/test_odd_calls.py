@@ -89,3 +89,37 @@ def test_a_fault_is_seen():
     assert raises(ValueError("something else")).startswith("no name")
     assert "characters" in raises(ValueError("argument" + "x" * 3000))
     assert raises(ValueError("argument = 1, expected 2")) is None
+
+
+EXTREMES = """
+import resource, sys
+from dataclasses import replace
+resource.setrlimit(resource.RLIMIT_AS, (3 << 30, 3 << 30))
+sys.path.insert(0, {here!r})
+import lapwing
+from lapwing.arguments import LEAST, MAX_INT, MOST
+from odd_values import OSC, PAIR, TE
+for key, value in {extremes}:
+    if key.endswith("teeth"):
+        osc = replace(PAIR, **{{key: value}}).oscillator(TE, brake_torque=1, pinion_speed_rpm=300)
+    else:
+        osc = replace(OSC, **{{key: value}})
+    for method in ("auto", "rk4"):
+        run = lapwing.simulate(osc, cycles=1, method=method, max_steps_per_cycle=2000,
+                               max_events_per_cycle=100)
+        print(key, value, method, run.status.name, flush=True)
+"""
+PARAMETERS = ("force", "mesh_frequency_ratio", "gear_ratio", "damping_ratio", "backlash")
+ENDS = [(key, end) for key in PARAMETERS for end in ("LEAST", "MOST")] + [
+    ("force", "-MOST"), ("force", "5e-324"), ("gear_teeth", "MAX_INT - 1"),
+    ("pinion_teeth", "MAX_INT - 1")]
+
+
+def test_the_ends_of_what_is_accepted_run_to_a_status():
+    """What overflows beyond the checks of the arguments ends as a status of the run."""
+    extremes = "[" + ", ".join(f"({key!r}, {end})" for key, end in ENDS) + "]"
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", EXTREMES.format(here=str(HERE), extremes=extremes)],
+        capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout[-200:] + done.stderr[-2000:]
+    assert len(done.stdout.splitlines()) == 2 * len(ENDS)
