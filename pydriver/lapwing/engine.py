@@ -12,13 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lapwing import arguments
 from lapwing._engine import api
+from lapwing.arguments import Refusals
 from lapwing.codes import ContactLaw, Gap, ImpactLaw, Method, Status
 from lapwing.linear_response import response_amplification
+from lapwing.threads import usable_threads
 
 CALL_SECONDS = 0.4
 LOG_ROOM = 1 << 16
-MAX_INT = 2**31 - 1
 LINE_DONE = 4  # sweep.f90, stage_done
 
 (BLOB_SIZE, WORK_SIZE, LOG_COLUMNS, CYCLE_COLUMNS, SAMPLE_COLUMNS, N_REALS, N_CHOICES,
@@ -80,19 +82,21 @@ class Numerics:
     copy_repeats: bool = True
 
     def __post_init__(self):
-        problems = []
-        if self.method not in METHODS:
-            problems.append(f"method = {self.method!r}, meant is one of {', '.join(METHODS)}")
-        for key, low, high in (("rtol", 1e-13, 1e-2), ("count_depth", 0, 1)):
-            if not low <= getattr(self, key) <= high:
-                problems.append(f"{key} = {getattr(self, key)!r}, {low:g} to {high:g} is meant")
-        if self.chatter_tol is not None and not 0 < self.chatter_tol <= 1e-2:
-            problems.append(f"chatter_tol = {self.chatter_tol!r}, above 0 to 0.01 is meant")
+        taken = Refusals()
+        checked = {
+            "method": taken.take(arguments.choice, "method", self.method, METHODS),
+            "rtol": taken.take(arguments.real, "rtol", self.rtol, low=1e-13, high=1e-2),
+            "count_depth": taken.take(arguments.real, "count_depth", self.count_depth, low=0.0,
+                                      high=1.0),
+            "copy_repeats": taken.take(arguments.flag, "copy_repeats", self.copy_repeats)}
+        if self.chatter_tol is not None:
+            checked["chatter_tol"] = taken.take(
+                arguments.real, "chatter_tol", self.chatter_tol, above=0.0, high=1e-2)
         for key in ("max_events_per_cycle", "max_steps_per_cycle"):
-            if not 1 <= getattr(self, key) < MAX_INT:
-                problems.append(f"{key} = {getattr(self, key)!r}, 1 to {MAX_INT - 1} is meant")
-        if problems:
-            raise ValueError("numerics: " + "; ".join(problems))
+            checked[key] = taken.take(arguments.whole, key, getattr(self, key), 1)
+        taken.raise_if_any("numerics")
+        for key, value in checked.items():
+            object.__setattr__(self, key, value)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -296,7 +300,7 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
         point; later ones begin at the same phase
     settle, record : int, cycles before recording and cycles recorded
     log_room : int, lines of the log kept per point: impacts beyond that are dropped
-    threads : int
+    threads : int, wanted; `threads.usable_threads` says how many are begun
     progress : callable(fraction) or None, called between calls into the engine
     keep_interrupted : bool, whether Ctrl-C ends the sweep with what is finished, the other points
         with status UNFINISHED, instead of raising KeyboardInterrupt
@@ -336,7 +340,8 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
         while np.any(table[4] < LINE_DONE):
             before = (table.copy(), blobs.copy()) if waits else None
             begun = time.process_time()
-            api.sweep(*table_arguments, reals, choices, table, starts, CALL_SECONDS, threads,
+            api.sweep(*table_arguments, reals, choices, table, starts, CALL_SECONDS,
+                      usable_threads(threads, len(lines)),
                       blobs, cycles, tangent, density, log, outcome)
             cpu_seconds += time.process_time() - begun
             if before and all(map(np.array_equal, before, (table, blobs))):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lapwing import engine
+from lapwing import arguments, engine
 from lapwing.codes import MotionState, Status
 from lapwing.engine import CYCLE_NAMES, Wanted
 
@@ -32,10 +32,7 @@ class StartGrid:
 
     def __post_init__(self):
         for name in ("phases", "positions", "speeds"):
-            number = getattr(self, name)
-            if not (isinstance(number, int | np.integer) and 1 <= number <= 1000):
-                raise ValueError(f"start grid: {name} = {number!r}, a whole number from 1 to 1000 "
-                                 "is meant")
+            object.__setattr__(self, name, arguments.whole(name, getattr(self, name), 1, 1000))
 
 
 def start_grid(osc, grid, phase=0.0):

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lapwing import engine
+from lapwing import arguments, engine
+from lapwing.arguments import MAX_INT, Refusals
 from lapwing.arrivals import arrivals_of
 from lapwing.codes import EventKind, MotionState, Status
 from lapwing.engine import CYCLE_NAMES, Numerics, TrajectoryCall, Wanted
@@ -27,7 +28,7 @@ from lapwing.studies.mesh_force import (
 )
 from lapwing.studies.period import MAX_PERIOD, find_period, motion_class
 from lapwing.studies.sweep import LABELS
-from lapwing.studies.trajectory import check_start, engine_start
+from lapwing.studies.trajectory import checked_start, engine_start
 
 # Averages over cycles, and largest values over cycles.
 MEANS = ("impacts_per_cycle", "back_impacts_per_cycle", "resolved_impacts_per_cycle",
@@ -96,7 +97,7 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
     """
     _check(phase, settle_cycles=settle_cycles, record_cycles=record_cycles,
            samples_per_cycle=samples_per_cycle, max_period=max_period)
-    check_start(osc, start, phase)
+    start = checked_start(osc, start, phase)
     tolerances = {"count_depth": count_depth, "chatter_tol": chatter_tol,
                   "max_events_per_cycle": max_events_per_cycle,
                   "max_steps_per_cycle": max_steps_per_cycle}
@@ -128,13 +129,11 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
 
 
 def _check(phase, **whole):
-    problems = [f"{key} = {value!r}, a whole number >= {int(key != 'settle_cycles')} is meant"
-                for key, value in whole.items() if not isinstance(value, int | np.integer)
-                or not int(key != "settle_cycles") <= value < engine.MAX_INT // 4]
-    if not 0 <= phase < 1:
-        problems.append(f"phase = {phase!r}, 0 <= phase < 1 is meant")
-    if problems:
-        raise ValueError("response: " + "; ".join(problems))
+    taken = Refusals()
+    for key, value in whole.items():
+        taken.take(arguments.whole, key, value, int(key != "settle_cycles"), MAX_INT // 4)
+    taken.take(arguments.phase, "phase", phase)
+    taken.raise_if_any("response")
 
 
 @dataclass(frozen=True)
