@@ -137,7 +137,7 @@ def test_files_of_the_first_version_are_read_and_not_called_verified(done, tmp_p
     path = tmp_path / "old.nc"
     shutil.copy(done[1] / "result.nc", path)
     with netCDF4.Dataset(path, "a") as file:
-        for name in ("checksums", "schema_version", "interrupted"):
+        for name in ("checksums", "schema_version", "interrupted", "engine_sha256"):
             file.delncattr(name)
     with read_results(path) as results:
         assert not results.verified and results.responses == ("one",)

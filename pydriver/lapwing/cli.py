@@ -355,6 +355,7 @@ def main():
             _last_words(exit_codes.words(error))
             code = exit_codes.of_error(error)
         code = _flushed(code)
+    signals.ignore()  # all is said and done; the interpreter's end is not to be torn
     sys.exit(code)
 
 

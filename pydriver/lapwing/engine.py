@@ -47,6 +47,9 @@ METHODS = ("auto", "exact", "rk4")
 # Three of sixteen digits may be lost between response and free oscillation.
 MOST_AMPLIFIED = 1e3
 EXACT_CHATTER_TOL = 1e-13
+# closed_form.f90, panel_span; and what takes some 100 MB, two thirds of it while it is made.
+PANEL_SPAN = 1.31
+MOST_PANELS = 60_000
 # A longer harmonic series is taken from its table (harmonic_series.f90, max_terms).
 MAX_TERMS = 8
 
@@ -137,22 +140,42 @@ def method_of(osc, numerics):
     """'exact' or 'rk4': how an oscillator is moved under `numerics`.
 
     The closed form of contact is a periodic response plus a free oscillation. Near an undamped
-    resonance both grow without bound and leave no digits in their sum; RK4 has no such trouble.
+    resonance both grow without bound and leave no digits in their sum; RK4 has no such trouble,
+    nor with a damper so fast against the mesh that the closed form would not fit into memory.
 
     Raises
     ------
     ValueError
-        where 'exact' is asked for and the response is more than `MOST_AMPLIFIED` times its cause.
+        where 'exact' is asked for and the response is more than `MOST_AMPLIFIED` times its cause,
+        or the closed form more than `MOST_PANELS` panels long.
     """
     if numerics.method == "rk4":
         return "rk4"
-    amplified = response_amplification(osc)
-    if amplified <= MOST_AMPLIFIED:
+    amplified, panels = response_amplification(osc), panels_of(osc)
+    if amplified <= MOST_AMPLIFIED and panels <= MOST_PANELS:
         return "exact"
     if numerics.method == "auto":
         return "rk4"
+    if panels > MOST_PANELS:
+        raise ValueError(f"method = 'exact': the closed form would cut the mesh period into "
+                         f"{panels:.3g} panels, at most {MOST_PANELS} are expected; take 'rk4', "
+                         "or a smaller damping_ratio over mesh_frequency_ratio")
     raise ValueError(f"method = 'exact': so near to an undamped resonance (amplification "
                      f"{amplified:.3g}) the closed form loses its digits; take 'rk4'")
+
+
+def panels_of(osc):
+    """Panels into which the closed form cuts the mesh period, to within one a piece of the table.
+
+    They are short against the fastest rate of contact, flank and damper (closed_form.f90); each
+    takes some 600 bytes, thrice while they are made.
+    """
+    rate, pieces = max(1.0, 2 * osc.damping_ratio), osc.te.knots.size - 1
+    if 0 < len(osc.te.harmonics) <= MAX_TERMS:
+        order, amplitude, _ = osc.te.harmonics.T
+        rate = max(rate, osc.mesh_frequency_ratio * np.max(order[amplitude != 0], initial=0.0))
+        pieces = 0
+    return osc.period * rate / PANEL_SPAN + pieces
 
 
 def common_method(oscillators, numerics):

@@ -121,6 +121,13 @@ def held():
         _ear.raise_if_due()
 
 
+def ignore() -> None:
+    """From here on no signal stops this process; for its very end."""
+    if _in_main_thread():
+        for signum in SIGNALS:
+            signal(signum, SIG_IGN)
+
+
 def heard() -> int | None:
     """The signal that was heard since the outermost `listen` began; None outside of any."""
     return _ear.signum if _ear.listening else None

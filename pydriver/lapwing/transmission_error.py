@@ -158,11 +158,21 @@ class TransmissionError:
 
     @cached_property
     def extrema(self):
-        """Least and greatest value (rad), from the roots of each piece's derivative."""
+        """Least and greatest value (rad), from the roots of derivatives.
+
+        Only pieces that may pass all knots are searched: a polynomial lies between the least and
+        the greatest of its Bernstein coefficients.
+        """
+        scaled = self.coefficients * np.diff(self.knots)[:, None] ** np.arange(6)
+        bounds = scaled @ _TO_BERNSTEIN.T
+        # What the sums above may be wrong by.
+        slack = 64 * np.finfo(float).eps * np.abs(scaled).sum(axis=1)
+        ends = bounds[:, [0, -1]]
+        low, high = float(ends.min()), float(ends.max())
+        searched = (bounds.min(axis=1) - slack < low) | (bounds.max(axis=1) + slack > high)
         low, high = math.inf, -math.inf
-        for width, piece in zip(np.diff(self.knots), self.coefficients, strict=True):
-            scaled = piece * width ** np.arange(6)
-            values = power.polyval(stationary_points(scaled), scaled)
+        for piece in scaled[searched | (np.arange(len(scaled)) == 0)]:
+            values = power.polyval(stationary_points(piece), piece)
             low, high = min(low, float(values.min())), max(high, float(values.max()))
         return low, high
 
@@ -368,6 +378,10 @@ class TransmissionError:
             return cls.from_hermite(phase, value, *columns.values())
         except ValueError as error:
             raise TransmissionErrorFileError(path, [(0, 0, str(error))]) from error
+
+
+# Bernstein coefficients on [0, 1] of degree 5 from ascending powers: b_i = sum_k C(i,k)/C(5,k) c_k.
+_TO_BERNSTEIN = np.array([[math.comb(i, k) / math.comb(5, k) for k in range(6)] for i in range(6)])
 
 
 def stationary_points(coefficients):
