@@ -54,6 +54,35 @@ def test_the_closed_form_is_refused_where_it_does_not_fit():
     assert megabytes < 50
 
 
+TIGHT = """
+import resource, sys
+import numpy as np
+import lapwing
+osc = {osc}
+pair = lapwing.GearPair(25, 32, 0.0078, 0.026, 0.034, 3.12e8, 0.002, 0.8, damping_ratio=50.)
+lapwing.simulate(osc, cycles=1, max_steps_per_cycle=10, method="rk4")
+given = {{"values": [2.0, 3.0], "mesh_frequency_hz": 26.4, "settle": 0, "record": 1, "threads": 1}}
+lapwing.sweep(pair, osc.te, max_steps_per_cycle=10, method="rk4", **given)
+used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+limit = used + ({room} << 20)
+resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+run = lapwing.simulate(osc, cycles=1, method="exact")
+swept = lapwing.sweep(pair, osc.te, method="exact", **given)
+print(run.status.name, *(lapwing.Status(one).name for one in swept.status.values[0]))
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
+@pytest.mark.parametrize(("room", "statuses"), [
+    (4, {"OUT_OF_MEMORY"}), (1000, {"OK", "TOO_MANY_EVENTS"})])
+def test_no_memory_is_a_status(room, statuses):
+    code = TIGHT.format(osc=stiff(2e-2, 50.0), room=room)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
+                          check=False)
+    assert done.returncode == 0, (done.returncode, done.stderr)
+    assert set(done.stdout.split()) <= statuses
+
+
 @pytest.mark.parametrize("te", [
     lapwing.TransmissionError.parabola(1e-4), lapwing.TransmissionError.harmonic([1e-4, 2e-5]),
     lapwing.TransmissionError.from_samples(np.arange(40) / 40, np.cos(np.arange(40)))])
