@@ -87,8 +87,8 @@ def build_folder(name: str):
     Lend a folder that keeps what is compiled between runs.
 
     It is emptied first if it was made with other compilers, options or another environment, or if
-    the run before was cut short in it: half-written files are not worth diagnosing. An error that the
-    build itself reports leaves it usable.
+    the run before was cut short in it: half-written files are not worth diagnosing. An error that
+    the build itself reports leaves it usable.
     """
     folder = BUILD / name
     state = BUILD / f"{name}.state"
