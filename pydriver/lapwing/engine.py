@@ -47,9 +47,9 @@ METHODS = ("auto", "exact", "rk4")
 # Three of sixteen digits may be lost between response and free oscillation.
 MOST_AMPLIFIED = 1e3
 EXACT_CHATTER_TOL = 1e-13
-# closed_form.f90, panel_span; and what takes some 100 MB, two thirds of it while it is made.
+# closed_form.f90, panel_span; and how many panels take some 80 MB while they are made.
 PANEL_SPAN = 1.31
-MOST_PANELS = 60_000
+MOST_PANELS = 100_000
 # A longer harmonic series is taken from its table (harmonic_series.f90, max_terms).
 MAX_TERMS = 8
 
