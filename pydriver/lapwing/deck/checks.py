@@ -323,7 +323,7 @@ class Studies:
             pair, at = self._pair, operation
             if group == "operation":
                 at = {**operation, name: value}
-            elif self._report.errors:
+            elif self._report.refusals:
                 return
             else:
                 pair = replace(pair, **{name: value})
