@@ -41,7 +41,7 @@ def assemble(path, text, overrides, readers, report):
     built = {name: tuple(builder.build(reader) for reader in studies if reader.name == name)
              for name in schema.STUDIES}
     _check_names(studies, report)
-    if report.errors:
+    if report.refusals:
         return None
     settings |= {name: [reader.keys for reader in studies if reader.name == name]
                  for name in schema.STUDIES}
