@@ -171,6 +171,15 @@ contains
         state%instant%t, real(state%instant%motion_state, wp), phi, phi_dot]
   end subroutine go_on_with_trajectory
 
+  !> Parameters that take as much memory as any point: the slowest mesh, the fastest damper.
+  pure function largest(reals)
+    real(c_double), intent(in) :: reals(:, :)     !! (n_reals, n_points)
+    real(c_double) :: largest(n_reals)
+    largest = reals(:, 1)
+    largest(2) = minval(reals(2, :))
+    largest(5) = maxval(reals(5, :))
+  end function largest
+
   !> See `api`.
   subroutine go_on_with_sweep(knots, coefficients, kinks, series, reals, choices, lines, starts, &
       seconds, n_threads, blobs, cycles, tangent, density, log, outcome)
@@ -198,7 +207,7 @@ contains
     if (error == 0) then
       ! One for each thread and the one they begin with.
       sweep%numerics = numerics_from(reals(:, 1), choices)
-      if (.not. has_room(sweep%numerics%method, parameters_from(reals(:, 1), choices), knots, &
+      if (.not. has_room(sweep%numerics%method, parameters_from(largest(reals), choices), knots, &
           series, n_threads + 1)) error = 1
     end if
     if (error /= 0) then

@@ -67,7 +67,9 @@ used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
 limit = used + ({room} << 20)
 resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
 run = lapwing.simulate(osc, cycles=1, method="exact")
-swept = lapwing.sweep(pair, osc.te, method="exact", **given)
+given |= {{"parameter": "mesh_frequency_hz", "values": [26.4, 400.0], "brake_torque": 2.0}}
+del given["mesh_frequency_hz"]
+swept = lapwing.sweep(pair, osc.te, method="exact", starts=("down",), **given)
 print(run.status.name, *(lapwing.Status(one).name for one in swept.status.values[0]))
 """
 
