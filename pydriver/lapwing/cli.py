@@ -16,7 +16,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import typer
 
-from lapwing import exit_codes, signals
+from lapwing import estimates, exit_codes, signals
 from lapwing.exit_codes import MEANINGS, ExitCode
 
 OK, FAILED, BAD_INPUT, INTERRUPTED = (
@@ -123,7 +123,8 @@ def check(decks: Decks, setting: Settings = []):  # noqa: B006
     """  # noqa: D301
     loaded, code = _load(decks, setting)
     for deck in loaded:
-        print(f"{deck.path}: good; {_studies(deck)}; {_derived(deck)}")
+        print(f"{deck.path}: good; {_studies(deck)}; {_derived(deck)}"
+              + estimates.stated(deck))
     raise typer.Exit(code)
 
 
@@ -246,7 +247,11 @@ def _load(paths, settings):
             continue
         for warning in deck.warnings:
             _complain(str(warning))
-        loaded.append(deck)
+        too_large = estimates.refusals(deck)
+        for text in too_large:
+            _complain(text)
+        code = BAD_INPUT if too_large else code
+        loaded += [] if too_large else [deck]
     return loaded, code
 
 

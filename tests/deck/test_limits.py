@@ -95,3 +95,10 @@ def test_ranges_are_not_written_out(tmp_path, count):
                        f"from = {ends[0]} to = {ends[1]} count = {count} /")
     assert "100000" in problems[0]
     assert len(problems) == 1
+
+
+def test_what_is_counted_and_not_listed_is_refused_all_the_same(tmp_path):
+    groups = "".join(f"&response name = 'r{i}' settle_cycles = x /\n" for i in range(60))
+    problems = refusal(tmp_path, PLAIN.replace("&response name = 'a' /", groups))
+    assert len(problems) == 20
+    assert problems[-1].endswith("(... and 40 more of this kind)")

@@ -41,7 +41,7 @@ def assemble(path, text, overrides, readers, report):
     built = {name: tuple(builder.build(reader) for reader in studies if reader.name == name)
              for name in schema.STUDIES}
     _check_names(studies, report)
-    if report.errors:
+    if report.refusals:
         return None
     settings |= {name: [reader.keys for reader in studies if reader.name == name]
                  for name in schema.STUDIES}
@@ -323,7 +323,7 @@ class Studies:
             pair, at = self._pair, operation
             if group == "operation":
                 at = {**operation, name: value}
-            elif self._report.errors:
+            elif self._report.refusals:
                 return
             else:
                 pair = replace(pair, **{name: value})

@@ -51,7 +51,7 @@ def load_deck(path, overrides=()):
         _override(groups, name, value, report)
     read = [_GroupReader(group, report) for group in groups]
     deck = checks.assemble(Path(path), text, tuple(map(tuple, overrides)), read, report)
-    if report.errors:
+    if report.refusals:
         raise DeckError(report.errors)
     return deck
 
@@ -143,12 +143,12 @@ class _GroupReader:
         model = schema.GROUPS[group.name]
         self._fields = schema.fields(model)
         self._types = {key: schema.KeyType(field) for key, field in self._fields.items()}
-        known = len(report.errors)
+        known = report.refusals
         raw = {key: value for entry in group.entries.values()
                for key, value in self._read(entry)}
         self._check_exclusive(model)
         self.keys = self._validate(model, raw)
-        if len(report.errors) > known:
+        if report.refusals > known:
             self.keys = None
 
     def _read(self, entry):

@@ -54,14 +54,21 @@ class DeckError(ValueError):
 
 
 class Report:
-    """Collects problems; the same one is kept once."""
+    """Collects problems; the same one is kept once.
+
+    Attributes
+    ----------
+    refusals : int, how many of the problems, warnings aside, are there so far
+    """
 
     def __init__(self):
         self._found = {}
+        self.refusals = 0
 
     def add(self, place, text, warning=False):
         """Note a problem at a `Place`."""
         problem = Problem(place.file, place.line, place.column, cut_words(text), warning)
+        self.refusals += not warning and problem not in self._found
         self._found[problem] = None
 
     @property

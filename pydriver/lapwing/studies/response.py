@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lapwing import arguments, engine
+from lapwing import arguments, engine, estimates
 from lapwing.arguments import MAX_INT, Refusals
 from lapwing.arrivals import arrivals_of
 from lapwing.codes import EventKind, MotionState, Status
@@ -97,6 +97,8 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
     """
     _check(phase, settle_cycles=settle_cycles, record_cycles=record_cycles,
            samples_per_cycle=samples_per_cycle, max_period=max_period)
+    estimates.require(estimates.response_bytes(record_cycles, samples_per_cycle, exponents),
+                      "response", "record_cycles or samples_per_cycle")
     start = checked_start(osc, start, phase)
     tolerances = {"count_depth": count_depth, "chatter_tol": chatter_tol,
                   "max_events_per_cycle": max_events_per_cycle,

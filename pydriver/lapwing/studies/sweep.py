@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from lapwing import arguments, engine
+from lapwing import arguments, engine, estimates
 from lapwing.arguments import Refusals
 from lapwing.arrivals import arrivals_of
 from lapwing.codes import EventKind, Status
@@ -90,6 +90,9 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
                         max_steps_per_cycle=max_steps_per_cycle)
     wanted = Wanted(cycles="cycles" in observe, strobe=True, impacts="impacts" in observe,
                     tangent="exponents" in observe)
+    estimates.require(estimates.sweep_bytes(
+        len(values) * len(starts), record, wanted.cycles or wanted.strobe, wanted.impacts,
+        wanted.tangent, max_impacts), "sweep", "values, starts, record or max_impacts")
     oscillators = [oscillator_at(pair, te, parameter, value, operation) for value in values]
     if any(osc.force < 0 and osc.gap == "one_flank" for osc in oscillators):
         raise ValueError("sweep: rest with a negative force needs a coast flank to rest on")
