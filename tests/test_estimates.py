@@ -22,7 +22,9 @@ from lapwing.studies.response import response
 pair = GearPair(25, 32, .0078, .026, .034, 3.12e8, .002, .8, damping_ratio=.1)
 te = TransmissionError.parabola(125e-6)
 {work}
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+with open("/proc/self/status") as file:
+    # Not ru_maxrss: that also counts the process that began this one.
+    print(1024 * next(int(line.split()[1]) for line in file if line.startswith("VmHWM")))
 """
 
 
@@ -43,7 +45,8 @@ RESPONSE = ("response(pair.oscillator(te, brake_torque=30., pinion_speed_rpm=240
      sweep_bytes(40, 20_000)),
     (SWEEP.format(2, 10, ("cycles", "impacts")), SWEEP.format(1500, 10, ("cycles", "impacts")),
      sweep_bytes(1500, 10, impacts=True)),
-    (RESPONSE.format(2), RESPONSE.format(400), response_bytes(400, 4000)),
+    pytest.param(RESPONSE.format(2), RESPONSE.format(400), response_bytes(400, 4000),
+                 marks=pytest.mark.full),
 ], ids=["cycles", "impacts", "response"])
 def test_the_peak_lies_between_the_bound_and_four_times_it(small, large, bound):
     assert bound > 1e8

@@ -67,7 +67,10 @@ def usable_threads(wanted: int, tasks: int) -> int:
 
 
 def _can_begin(wanted):
-    """How many threads could be begun at this moment, of those wanted: by beginning them."""
+    """How many threads can be begun at this moment, of those wanted: by beginning them.
+
+    Where not all can, half of those that could are left to what the others allocate.
+    """
     release, begun = threading.Event(), []
     try:
         for _ in range(wanted):
@@ -80,7 +83,7 @@ def _can_begin(wanted):
         release.set()
         for thread in begun:
             thread.join()
-    return len(begun)
+    return len(begun) if len(begun) == wanted else len(begun) // 2
 
 
 def _processors():
