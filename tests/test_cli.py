@@ -293,8 +293,9 @@ def test_the_points_of_a_sweep_that_are_finished_are_kept(tmp_path, no_figures, 
 
 @pytest.mark.parametrize("setting", [
     {"MPLBACKEND": "module://matplotlib_inline.backend_inline", "PYTHONIOENCODING": "ascii"},
-    {"MPLBACKEND": "no such", "PYTHONIOENCODING": "cp1252"},
-    {"MATPLOTLIBRC": "/dev/full", "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}])
+    pytest.param({"MPLBACKEND": "no such", "PYTHONIOENCODING": "cp1252"}, marks=pytest.mark.full),
+    pytest.param({"MATPLOTLIBRC": "/dev/full", "LC_ALL": "C", "PYTHONUTF8": "0",
+                  "PYTHONCOERCECLOCALE": "0"}, marks=pytest.mark.full)])
 def test_the_surroundings_change_no_byte(finished, tmp_path, setting):
     deck, out, _ = finished
     done = subprocess.run(

@@ -41,8 +41,8 @@ RESPONSE = ("response(pair.oscillator(te, brake_torque=30., pinion_speed_rpm=240
 
 
 @pytest.mark.parametrize(("small", "large", "bound"), [
-    (SWEEP.format(2, 10, ("cycles",)), SWEEP.format(40, 20_000, ("cycles",)),
-     sweep_bytes(40, 20_000)),
+    pytest.param(SWEEP.format(2, 10, ("cycles",)), SWEEP.format(40, 20_000, ("cycles",)),
+                 sweep_bytes(40, 20_000), marks=pytest.mark.full),
     (SWEEP.format(2, 10, ("cycles", "impacts")), SWEEP.format(1500, 10, ("cycles", "impacts")),
      sweep_bytes(1500, 10, impacts=True)),
     pytest.param(RESPONSE.format(2), RESPONSE.format(400), response_bytes(400, 4000),
