@@ -86,13 +86,15 @@ def build_folder(name: str):
     """
     Lend a folder that keeps what is compiled between runs.
 
-    It is emptied first if it was made with other compilers or another environment, or if the run
-    before was cut short in it: half-written files are not worth diagnosing. An error that the
-    build itself reports leaves it usable.
+    It is emptied first if it was made with other compilers, options or another environment, or if
+    the run before was cut short in it: half-written files are not worth diagnosing. An error that
+    the build itself reports leaves it usable.
     """
     folder = BUILD / name
     state = BUILD / f"{name}.state"
-    key = json.dumps([dependencies_key(), toolchain.fingerprint()])
+    # Meson knows no option that came after the folder was made.
+    options = digest([ROOT / "meson.options"])
+    key = json.dumps([dependencies_key(), toolchain.fingerprint(), options])
     if not state.exists() or state.read_text() != key:
         shutil.rmtree(folder, ignore_errors=True)
     BUILD.mkdir(exist_ok=True)

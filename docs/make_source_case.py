@@ -13,8 +13,8 @@ from make_gallery import shrunk
 
 from lapwing.codes import SearchStage
 from lapwing.plots.critical_marks import label_of
+from lapwing.report.critical import decimals
 from lapwing.results import read_results
-from lapwing.summary_critical import decimals
 
 DOCS = Path(__file__).parent
 RESULTS = Path(sys.argv[1] if len(sys.argv) > 1 else "results")

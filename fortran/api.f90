@@ -19,7 +19,7 @@ contains
   !> Named codes in the order of `lapwing.codes`, for the test that both sides agree.
   subroutine code_values(values)
     use lapwing_marshal, only: all_codes
-    integer(c_int), intent(out) :: values(33)   !! the codes
+    integer(c_int), intent(out) :: values(34)   !! the codes
     values = all_codes
   end subroutine code_values
 

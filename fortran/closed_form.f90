@@ -105,20 +105,24 @@ contains
     end if
     call bound_free_part(self)
     if (.not. harmonic) call bound_table_response(self)
-    self%q_low = minval([(minval(self%panel(i)%q_bernstein) - self%panel(i)%q_rest, &
-        i = 1, self%n)])
-    self%q_high = maxval([(maxval(self%panel(i)%q_bernstein) + self%panel(i)%q_rest, &
-        i = 1, self%n)])
+    self%q_low = huge(1.0_wp)
+    self%q_high = -huge(1.0_wp)
+    do i = 1, self%n
+      self%q_low = min(self%q_low, minval(self%panel(i)%q_bernstein) - self%panel(i)%q_rest)
+      self%q_high = max(self%q_high, maxval(self%panel(i)%q_bernstein) + self%panel(i)%q_rest)
+    end do
   end function closed_form
 
   !> Panels within table pieces, or even ones.
   pure subroutine cut_panels(self, table)
     type(closed_form_t), intent(inout) :: self      !! limits are set
     type(te_table_t), intent(in) :: table           !! g as a table
-    integer :: parts(table%n), i, k, at
+    integer :: parts, i, k, at
     real(wp) :: width
-    parts = max(1, ceiling((table%knot(2:) - table%knot(:table%n))*self%fastest/panel_span))
-    self%n = sum(parts)
+    self%n = 0
+    do i = 1, table%n
+      self%n = self%n + parts_of(self, table, i)
+    end do
     if (self%harmonic) self%n = max(4, ceiling(self%period*self%fastest/panel_span))
     allocate (self%edge(self%n + 1), self%piece(self%n))
     self%piece = 1
@@ -128,9 +132,10 @@ contains
       at = 0
       do i = 1, table%n
         width = table%knot(i + 1) - table%knot(i)
-        do k = 0, parts(i) - 1
+        parts = parts_of(self, table, i)
+        do k = 0, parts - 1
           at = at + 1
-          self%edge(at) = table%knot(i) + k*width/parts(i)
+          self%edge(at) = table%knot(i) + k*width/parts
           self%piece(at) = i
         end do
       end do
@@ -143,6 +148,14 @@ contains
     end do
     call make_look_up(self)
   end subroutine cut_panels
+
+  !> Panels of a table piece.
+  pure integer function parts_of(self, table, i)
+    type(closed_form_t), intent(in) :: self         !! its fastest rate
+    type(te_table_t), intent(in) :: table           !! g as a table
+    integer, intent(in) :: i                        !! piece
+    parts_of = max(1, ceiling((table%knot(i + 1) - table%knot(i))*self%fastest/panel_span))
+  end function parts_of
 
   !> For each cell of an even grid the panel at its beginning.
   pure subroutine make_look_up(self)

@@ -11,7 +11,7 @@ module lapwing_codes
   public :: event_impact, event_release, event_engage, event_chatter_end, event_kink
   public :: event_near_graze, event_kind
   public :: status_ok, status_too_many_events, status_too_many_steps
-  public :: status_step_too_small, status_not_finite, status_unfinished
+  public :: status_step_too_small, status_not_finite, status_unfinished, status_out_of_memory
 
   ! Motion states
   integer, parameter :: separation = 0
@@ -56,6 +56,7 @@ module lapwing_codes
   integer, parameter :: status_step_too_small = 3
   integer, parameter :: status_not_finite = 4
   integer, parameter :: status_unfinished = 5
+  integer, parameter :: status_out_of_memory = 6
 
 contains
 

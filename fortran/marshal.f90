@@ -7,11 +7,12 @@ module lapwing_marshal
       law_relative, law_absolute, gap_one_sided, gap_symmetric, gap_one_flank, event_impact, &
       event_release, event_engage, &
       event_chatter_end, event_kink, event_near_graze, status_ok, status_too_many_events, &
-      status_too_many_steps, status_step_too_small, status_not_finite, status_unfinished
+      status_too_many_steps, status_step_too_small, status_not_finite, status_unfinished, &
+      status_out_of_memory
   use lapwing_damped, only: damped
   use lapwing_event_search, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
-  use lapwing_method, only: moved_by
+  use lapwing_method, only: moved_by, has_room
   use lapwing_oscillator, only: oscillator_t
   use lapwing_parameters, only: parameters_t
   use lapwing_polynomial, only: max_degree
@@ -19,7 +20,7 @@ module lapwing_marshal
   use lapwing_run, only: run_to, deadline_in
   use lapwing_starts, only: start_as_told
   use lapwing_state_blob, only: blob_size, work_size, pack_blob, unpack_blob
-  use lapwing_sweep, only: sweep_t, line_t, sweep_lines, prepare_sweep
+  use lapwing_sweep, only: sweep_t, line_t, sweep_lines, prepare_sweep, stage_done
   use lapwing_tangent_map, only: tangent_columns
   use lapwing_transmission_error, only: te_table_t, te_table, expand_at, locate_piece
   implicit none
@@ -36,13 +37,13 @@ module lapwing_marshal
 
   integer(c_int), parameter :: all_sizes(8) = [blob_size, work_size, log_columns, cycle_columns, &
       sample_columns, n_reals, n_choices, tangent_columns]
-  integer(c_int), parameter :: all_codes(33) = [separation, engagement, back_engagement, &
+  integer(c_int), parameter :: all_codes(34) = [separation, engagement, back_engagement, &
       no_flank, drive_flank, coast_flank, event_impact, event_impact + 1, event_release, &
       event_release + 1, event_engage, event_engage + 1, event_chatter_end, &
       event_chatter_end + 1, event_kink, event_near_graze, event_near_graze + 1, &
       law_restitution, law_compliant, law_rigid, law_relative, law_absolute, gap_one_sided, &
       gap_symmetric, gap_one_flank, status_ok, status_too_many_events, status_too_many_steps, &
-      status_step_too_small, status_not_finite, status_unfinished, &
+      status_step_too_small, status_not_finite, status_unfinished, status_out_of_memory, &
       method_rk4, method_exact]
 
 contains
@@ -139,6 +140,11 @@ contains
     real(wp) :: phi, phi_dot
     integer :: status
     numerics = numerics_from(reals, choices)
+    done = 0
+    if (.not. has_room(numerics%method, parameters_from(reals, choices), knots, series, 1)) then
+      done(1) = status_out_of_memory
+      return
+    end if
     call moved_by(numerics%method, parameters_from(reals, choices), knots, coefficients, &
         kinks == 1, series, system)
     recorder = recorder_from(reals, choices)
@@ -165,6 +171,15 @@ contains
         state%instant%t, real(state%instant%motion_state, wp), phi, phi_dot]
   end subroutine go_on_with_trajectory
 
+  !> Parameters that take as much memory as any point: the slowest mesh, the fastest damper.
+  pure function largest(reals)
+    real(c_double), intent(in) :: reals(:, :)     !! (n_reals, n_points)
+    real(c_double) :: largest(n_reals)
+    largest = reals(:, 1)
+    largest(2) = minval(reals(2, :))
+    largest(5) = maxval(reals(5, :))
+  end function largest
+
   !> See `api`.
   subroutine go_on_with_sweep(knots, coefficients, kinks, series, reals, choices, lines, starts, &
       seconds, n_threads, blobs, cycles, tangent, density, log, outcome)
@@ -185,9 +200,21 @@ contains
     real(c_double), intent(inout), target, contiguous :: log(:, :, :)      !! (6, room, points)
     real(c_double), intent(inout), target, contiguous :: outcome(:, :)     !! (columns, points)
     type(sweep_t) :: sweep
-    type(line_t) :: line(size(lines, 2))
-    integer :: i
-    allocate (sweep%point(size(reals, 2)))
+    type(line_t), allocatable :: line(:)
+    integer :: i, error
+    allocate (sweep%point(size(reals, 2)), stat=error)
+    if (error == 0) allocate (line(size(lines, 2)), stat=error)
+    if (error == 0) then
+      ! One for each thread and the one they begin with.
+      sweep%numerics = numerics_from(reals(:, 1), choices)
+      if (.not. has_room(sweep%numerics%method, parameters_from(largest(reals), choices), knots, &
+          series, n_threads + 1)) error = 1
+    end if
+    if (error /= 0) then
+      outcome(1, :) = status_out_of_memory
+      lines(5, :) = stage_done
+      return
+    end if
     do i = 1, size(reals, 2)
       sweep%point(i) = parameters_from(reals(:, i), choices)
     end do
@@ -195,7 +222,6 @@ contains
     sweep%coefficients = coefficients
     sweep%kinks = kinks == 1
     sweep%series = series
-    sweep%numerics = numerics_from(reals(:, 1), choices)
     sweep%recorder = recorder_from(reals(:, 1), choices)
     sweep%settle = choices(12)
     sweep%record = choices(13)

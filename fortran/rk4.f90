@@ -11,7 +11,7 @@ module lapwing_rk4
   use lapwing_system, only: system_t, frame_t, motion_t, step_t, max_states
   implicit none
   private
-  public :: rk4_step, rk4_move, read_step
+  public :: forgive_rounding, rk4_step, rk4_move, read_step
 
   !> An estimate below the rounding of its own sum says nothing: in a flight, where the formula is
   !> exact, it would otherwise shorten the steps.
@@ -55,6 +55,17 @@ contains
     error = abs(step%correction(i))
     if (error <= rounding*(abs(slope) + abs(slope_end)) + epsilon(error)*abs(begin)) error = 0
   end subroutine read_step
+
+  !> Leave out what is rounding of the rates: of terms of the coordinates' size that cancel, as in a
+  !> tooth that creeps to rest. In contact, where time has the spring's unit and position and
+  !> velocity share another. Asked only of a step that would be refused: where errors of such a size
+  !> are allowed, nothing changes.
+  pure subroutine forgive_rounding(h, z, error)
+    real(wp), intent(in) :: h                     !! step
+    real(wp), intent(in) :: z(:)                  !! coordinates at its beginning
+    real(wp), intent(inout) :: error(:)           !! estimated error of each
+    where (error <= rounding*h*maxval(abs(z))) error = 0
+  end subroutine forgive_rounding
 
   !> Where a step of length h ends, and nothing else.
   subroutine rk4_move(system, frame, motion_state, h, z, z_end)

@@ -18,7 +18,7 @@ module lapwing_sweep
   use lapwing_state_blob, only: pack_blob, unpack_blob, pack_work
   implicit none
   private
-  public :: sweep_t, line_t, sweep_lines, prepare_sweep
+  public :: sweep_t, line_t, sweep_lines, prepare_sweep, stage_done
 
   ! Stages of the point under way, and of a line that is done. The last settling cycle has its own.
   integer, parameter :: stage_start = 0, stage_settle = 1, stage_prepare = 2, stage_record = 3

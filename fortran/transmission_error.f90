@@ -46,8 +46,14 @@ contains
     table%kink = [kinks, kinks(1)]
     table%cells_per_tau = n/period
     allocate (table%before_cell(0:n))
-    do i = 0, n
-      table%before_cell(i) = count([(cell_of(table, table%knot(k)), k = 1, n)] < i)
+    ! Knots in earlier cells, by counting those of each cell.
+    table%before_cell = 0
+    do i = 1, n
+      k = cell_of(table, table%knot(i)) + 1
+      table%before_cell(k) = table%before_cell(k) + 1
+    end do
+    do i = 1, n
+      table%before_cell(i) = table%before_cell(i) + table%before_cell(i - 1)
     end do
     table%push = greatest_push(table)
     call find_jumps(table, felt_curvature_jump)
@@ -73,28 +79,25 @@ contains
   pure subroutine find_jumps(table, felt_curvature_jump)
     type(te_table_t), intent(inout) :: table       !! table with pieces and kinks set
     real(wp), intent(in) :: felt_curvature_jump    !! rad per tau**2
-    real(wp) :: before(0:max_degree), curvature_jump(table%n + 1)
+    real(wp) :: before(0:max_degree), curvature_jump
     integer :: i, left, kink_after, felt_after
     if (.not. allocated(table%slope_jump)) then
       allocate (table%slope_jump(table%n + 1), table%next_kink(table%n), table%next_felt(table%n))
     end if
-    do i = 1, table%n
+    kink_after = table%n + 1
+    felt_after = table%n + 1
+    do i = table%n, 1, -1
       left = merge(table%n, i - 1, i == 1)
       before = table%coefficient(:, left)
       call taylor_shift(before, table%knot(left + 1) - table%knot(left))
       table%slope_jump(i) = table%coefficient(1, i) - before(1)
-      curvature_jump(i) = 2*abs(table%coefficient(2, i) - before(2))
-    end do
-    table%slope_jump(table%n + 1) = table%slope_jump(1)
-    curvature_jump(table%n + 1) = curvature_jump(1)
-    kink_after = table%n + 1
-    felt_after = table%n + 1
-    do i = table%n, 1, -1
+      curvature_jump = 2*abs(table%coefficient(2, i) - before(2))
       table%next_kink(i) = kink_after
       table%next_felt(i) = felt_after
       if (table%kink(i)) kink_after = i
-      if (table%kink(i) .or. curvature_jump(i) > felt_curvature_jump) felt_after = i
+      if (table%kink(i) .or. curvature_jump > felt_curvature_jump) felt_after = i
     end do
+    table%slope_jump(table%n + 1) = table%slope_jump(1)
   end subroutine find_jumps
 
   !> The piece that holds t; at a knot the piece that begins there.

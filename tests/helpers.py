@@ -5,7 +5,14 @@ from pathlib import Path
 
 import numpy as np
 
-from lapwing import EventKind, GearPair, MotionState, Oscillator, TransmissionError
+from lapwing import (
+    EventKind,
+    GearPair,
+    MotionState,
+    Oscillator,
+    TransmissionError,
+    critical_torque,
+)
 
 ROOT = Path(__file__).parents[1]
 EPS = float(np.finfo(float).eps)
@@ -53,6 +60,12 @@ def ball_start(gamma, restitution, n=1):
     theta_dot = -math.sin(angle) - restitution * speed
     theta = math.cos(angle) + time * (theta_dot + 0.5 * time / gamma)
     return MotionState.SEPARATION, theta - 1.0, theta_dot + time / gamma
+
+
+def as_in_a_deck(sweep):
+    """A sweep of scene A's torque with what a deck's run knows besides: complete engagement."""
+    torque, phase = critical_torque(scene_a(1.0))
+    return sweep.assign_attrs(full_engagement=torque, full_engagement_phase=phase)
 
 
 def kinds(run):

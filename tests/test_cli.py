@@ -2,10 +2,8 @@
 
 import os
 import re
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -13,6 +11,7 @@ from typer.testing import CliRunner
 
 from lapwing.cli import BAD_INPUT, FAILED, INTERRUPTED, OK, app
 from lapwing.deck import load_deck
+from lapwing.exit_codes import ExitCode
 from lapwing.results import read_results
 
 INPUTS = Path(__file__).parents[1] / "inputs"
@@ -171,7 +170,7 @@ def test_plot_draws_from_the_file_alone(finished, tmp_path):
     assert result.exit_code == OK
     drawn = sorted(path.name for path in tmp_path.iterdir())
     assert drawn == sorted(path.name for path in (out / "small").iterdir()
-                           if path.suffix in (".png", ".pdf"))
+                           if path.suffix in (".png", ".pdf") or path.name == "manifest.json")
     for name in drawn:
         if name.endswith(".png"):
             assert (tmp_path / name).read_bytes() == (out / "small" / name).read_bytes()
@@ -208,24 +207,173 @@ def test_light_commands_import_nothing_heavy():
     assert "HEAVY []" in done.stdout
 
 
-def test_interruption_keeps_what_is_finished(tmp_path):
-    """Ctrl-C during a long sweep: exit 130 within seconds, the response is in the file."""
-    # Most of these torques are chaotic: no cycle comes back, every one is computed.
-    deck = write_deck(tmp_path, first=0.5, count=200, settle=200_000)
-    process = subprocess.Popen(
-        [sys.executable, "-m", "lapwing", "run", deck, "--out", tmp_path / "r", "--threads", "1"],
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=os.environ,
-        start_new_session=True)
-    time.sleep(4)
-    assert process.poll() is None
-    process.send_signal(signal.SIGINT)
-    output, _ = process.communicate(timeout=30)
-    assert process.returncode == INTERRUPTED, output
-    folder = tmp_path / "r" / "small"
-    assert not (folder / "used.nml").exists()
-    with read_results(folder / "result.nc") as results:
-        assert tuple(results.responses) == ("one",)
-        assert (results.sweep("torque").status.values == 5).any()
+# A child process that sends itself a signal at a place of the code, as if from outside.
+SIGNALLED = """
+import importlib, os, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+module, _, name = {where!r}.partition(":")
+owner = importlib.import_module(module)
+original = getattr(owner, name)
+
+def signalled(*given, **more):
+    os.kill(os.getpid(), signal.{signum})
+    return original(*given, **more)
+
+setattr(owner, name, signalled)
+from lapwing.cli import main
+sys.argv = ["lapwing", "run", {deck!r}, "--out", {out!r}, "--threads", "2"]
+main()
+"""
+PLACES = {"lapwing.deck:load_deck": False, "lapwing.studies.response:response": False,
+          "lapwing.studies.sweep:sweep": True, "lapwing.results.file:store_checksums": True,
+          "lapwing.plots:draw_all": True, "lapwing.plots.crew:wait": True}
+
+
+def signalled(tmp_path, where, signum):
+    deck, out = write_deck(tmp_path), tmp_path / "r"
+    code = SIGNALLED.format(where=where, signum=signum, deck=str(deck), out=str(out))
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
+                          start_new_session=True, check=False)
+    assert "Traceback" not in done.stderr, done.stderr
+    return deck, out, done
+
+
+EVERY_DAY = {("SIGINT", "lapwing.deck:load_deck"), ("SIGINT", "lapwing.studies.response:response"),
+             ("SIGINT", "lapwing.plots.crew:wait"), ("SIGTERM", "lapwing.plots:draw_all"),
+             ("SIGUSR1", "lapwing.results.file:store_checksums")}
+
+
+@pytest.mark.parametrize(("signum", "code", "where"), [
+    pytest.param(signum, code, where,
+                 marks=[] if (signum, where) in EVERY_DAY else pytest.mark.full)
+    for signum, code in (("SIGINT", 130), ("SIGTERM", 75), ("SIGUSR1", 75)) for where in PLACES])
+def test_a_signal_keeps_what_is_finished(tmp_path, where, signum, code):
+    deck, out, done = signalled(tmp_path, where, signum)
+    assert done.returncode == code, done.stderr
+    folder = out / "small"
+    assert not list(folder.glob("*.p[nd][gf]"))
+    if PLACES[where]:
+        assert "what is finished lies in" in done.stdout
+        with read_results(folder / "result.nc") as results:
+            assert results.responses == ("one",)
+    assert [path.name for path in out.iterdir()] == ["small"] if out.exists() else True
+    if signum == "SIGUSR1":
+        assert call("run", deck, "--out", out, "--threads", 1).exit_code == OK
+        with read_results(folder / "result.nc") as results:
+            assert results.sweeps == ("torque",) and not results.interrupted
+
+
+def test_the_points_of_a_sweep_that_are_finished_are_kept(tmp_path, no_figures, monkeypatch):
+    from lapwing import engine
+
+    original, calls = engine.api.sweep, []
+
+    def interrupted(*arguments):
+        calls.append(1)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return original(*arguments)
+
+    class Api:
+        sweep = staticmethod(interrupted)
+
+        def __getattr__(self, name):
+            return getattr(api, name)
+
+    api = engine.api
+    monkeypatch.setattr(engine, "api", Api())
+    monkeypatch.setattr(engine, "CALL_SECONDS", 1e-4)
+    deck = write_deck(tmp_path, first=0.5, count=50, settle=2000)
+    result = call("run", deck, "--out", tmp_path / "r", "--threads", 1)
+    assert result.exit_code == INTERRUPTED
+    with read_results(tmp_path / "r" / "small" / "result.nc") as results:
+        status = results.sweep("torque").status.values
+        assert (status == 5).any() and results.interrupted
+
+
+@pytest.mark.parametrize("setting", [
+    {"MPLBACKEND": "module://matplotlib_inline.backend_inline", "PYTHONIOENCODING": "ascii"},
+    pytest.param({"MPLBACKEND": "no such", "PYTHONIOENCODING": "cp1252"}, marks=pytest.mark.full),
+    pytest.param({"MATPLOTLIBRC": "/dev/full", "LC_ALL": "C", "PYTHONUTF8": "0",
+                  "PYTHONCOERCECLOCALE": "0"}, marks=pytest.mark.full)])
+def test_the_surroundings_change_no_byte(finished, tmp_path, setting):
+    deck, out, _ = finished
+    done = subprocess.run(
+        [sys.executable, "-m", "lapwing", "run", deck, "--out", tmp_path / "r", "--threads", "2"],
+        capture_output=True, env=os.environ | setting, check=False)
+    assert done.returncode == OK, done.stderr
+    assert b"Traceback" not in done.stderr and b"Error" not in done.stderr
+    for path in (out / "small").iterdir():
+        assert (tmp_path / "r" / "small" / path.name).read_bytes() == path.read_bytes()
+
+
+def shell(line, **setting):
+    return subprocess.run(["sh", "-c", line], capture_output=True, text=True, check=False,
+                          env=os.environ | setting | {"PYTHON": sys.executable,
+                                                      "DECK": str(INPUTS / "minimal.nml")})
+
+
+@pytest.mark.parametrize(("line", "code"), [
+    ('"$PYTHON" -m lapwing check "$DECK" > /dev/full', 3),
+    ('"$PYTHON" -m lapwing check "$DECK" >&-', 0),
+    ('"$PYTHON" -m lapwing check "$DECK" >&- 2>&- <&-', 0),
+    ('"$PYTHON" -m lapwing check nosuch.nml 2>&-', 2),
+    ('"$PYTHON" -m lapwing nosuch', 2), ('"$PYTHON" -m lapwing run', 2),
+    ('"$PYTHON" -m lapwing run "$DECK" --out /proc/nosuch', 2),
+    ('"$PYTHON" -m lapwing run "$DECK" --out /dev/full/r', 2)])
+def test_every_end_is_an_exit_code(line, code):
+    done = shell(line)
+    assert done.returncode == code and "Traceback" not in done.stderr, done.stderr
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "ascii", "cp1252"])
+def test_a_printed_deck_is_utf_8_in_a_file(tmp_path, encoding):
+    path = tmp_path / "new.nml"
+    shell(f'"$PYTHON" -m lapwing new > {path}', PYTHONIOENCODING=encoding)
+    assert load_deck(path)
+    call("new", tmp_path / "other.nml")
+    assert path.read_bytes() == (tmp_path / "other.nml").read_bytes()
+
+
+def test_a_deck_whose_name_is_no_text_is_told(tmp_path):
+    deck = write_deck(tmp_path).rename(Path(os.fsdecode(os.fsencode(tmp_path) + b"/d\xff.nml")))
+    for words, code in ((["check"], 0), (["run", "--out", tmp_path / "r"], 2)):
+        done = subprocess.run([sys.executable, "-m", "lapwing", words[0], deck, *words[1:]],
+                              capture_output=True, check=False)
+        assert done.returncode == code and b"Traceback" not in done.stderr, done.stderr
+        assert b"d\\udcff" in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("error", [MemoryError("no room for it"), OSError(28, "No space left"),
+                                   RuntimeError("can't start new thread"),
+                                   PermissionError(13, "Permission denied")])
+def test_what_the_surroundings_refuse_stops_no_other_deck(tmp_path, no_figures, monkeypatch, error):
+    from lapwing.studies import of_deck
+
+    original = of_deck.compute
+
+    def compute(deck, *given):
+        if deck.stem == "first":
+            raise error
+        return original(deck, *given)
+
+    monkeypatch.setattr(of_deck, "compute", compute)
+    decks = [write_deck(tmp_path, f"{name}.nml") for name in ("first", "second")]
+    result = call("run", *decks, "--out", tmp_path / "r", "--threads", 1)
+    assert result.exit_code == ExitCode.SURROUNDINGS
+    said = [line for line in result.output.splitlines() if line.startswith("first: ")]
+    assert len(said) == 2 and str(error.args[-1]) in said[1]
+    assert (tmp_path / "r" / "second" / "result.nc").exists()
+
+
+def test_an_error_of_the_program_is_not_hidden(tmp_path, no_figures, monkeypatch):
+    def broken(*_):
+        raise RuntimeError("a mistake")
+
+    monkeypatch.setattr("lapwing.studies.of_deck.compute", broken)
+    result = CliRunner().invoke(app, ["run", str(write_deck(tmp_path)), "--out",
+                                      str(tmp_path / "r")])
+    assert isinstance(result.exception, RuntimeError)
 
 
 CRITICAL = """&critical name = 'T_full', find = 'full' /
@@ -250,7 +398,7 @@ def test_critical_values_of_a_run(tmp_path, no_figures):
     deck = write_deck(tmp_path)
     deck.write_text(deck.read_text() + CRITICAL, encoding="utf-8")
     result = call("run", deck, "--out", tmp_path / "out", "--threads", 1)
-    assert result.exit_code == OK and "T_full: complete engagement: T_full = " in result.output
+    assert result.exit_code == OK and "T_full: contact can be kept from: T_full = " in result.output
     assert "2 critical values" in call("check", deck).output
     with read_results(tmp_path / "out" / "small" / "result.nc") as results:
         assert results.criticals == ("T_full", "T_safe")

@@ -8,6 +8,7 @@ import pytest
 import lapwing
 from helpers import EPS, FLAT, PAIR, SHIPPED, dataset_bytes, events, oscillator, scene_a, scene_d
 from lapwing import EventKind, Status, TransmissionError, engine, simulate
+from lapwing.deck.schema import NumericsKeys
 from lapwing.engine import REST, Numerics, Wanted
 
 COSINE = TransmissionError.harmonic([1.0])
@@ -172,3 +173,16 @@ def test_the_methods_agree_on_a_stable_motion(build):
                                               abs=1e-10 * osc.angle_scale)
     assert np.abs(runs[0].cycles["phi"] - runs[1].cycles["phi"]).max() <= 1e-10 * osc.angle_scale
     assert 1e-10 * osc.angle_scale > EPS * osc.backlash
+
+
+@pytest.mark.parametrize(("method", "rtol", "default"), [
+    ("exact", 1e-10, 1e-13), ("exact", 1e-6, 1e-13), ("rk4", 1e-6, 1e-10), ("rk4", 1e-12, 1e-12)])
+def test_chatter_tol_left_out_is_what_the_deck_says(method, rtol, default):
+    """What the engine is handed is the number that docs/deck.md and `used.nml` state."""
+    said = NumericsKeys.model_fields["chatter_tol"].description
+    assert "1e-13 in closed form, min(rtol, 1e-10) with rk4" in said
+    osc = scene_a(5.5, "relative")
+    left_out, written, other = (
+        engine._real_parameters(osc, Numerics(method=method, rtol=rtol, **chosen), method, Wanted())
+        for chosen in ({}, {"chatter_tol": default}, {"chatter_tol": 3e-5}))
+    assert left_out == written != other

@@ -113,7 +113,7 @@ def test_all_refusals_at_once():
 
 def test_codes_are_the_engines_numbers():
     assert [*MotionState] == [0, 1, 2] and [*Flank] == [0, 1, 2]
-    assert [*EventKind] == list(range(1, 12)) and [*Status] == list(range(6))
+    assert [*EventKind] == list(range(1, 12)) and [*Status] == list(range(7))
     assert [*ContactLaw] == [*ImpactLaw, 3] == [*Gap] == [1, 2, 3]
     assert names(Gap) == ("one_sided", "symmetric", "one_flank")
     assert EventKind.BACK_CHATTER_END == 8 and MotionState.BACK_ENGAGEMENT == 2

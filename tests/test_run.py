@@ -1,75 +1,425 @@
-"""Carrying out a deck: work side by side, and what remains when it is stopped or fails."""
+"""Carrying out a deck: what lies in its folder before, after and in between."""
 
-import _thread
-import threading
-import time
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 
+import netCDF4
+import numpy as np
 import pytest
 
-from lapwing.cli import FAILED, OK
-from lapwing.run import side_by_side
+from lapwing.cli import BAD_INPUT, FAILED, OK
+from lapwing.deck import load_deck
+from lapwing.results import DamagedFile, checksums, read_results
+from lapwing.results.store import FolderLock, Manifest, staging_of
+from lapwing.run import FolderError, folder_of, run_deck
 from test_cli import call, write_deck
 
-
-def ignore(_):
-    pass
+NAMES = {"result.nc", "used.nml", "summary.md", "manifest.json"}
 
 
-@pytest.mark.parametrize("threads", [1, 2, 9])
-def test_results_are_told_by_their_place(threads):
-    shares = []
-    found, complete = side_by_side(lambda x: x * x, range(6), threads, shares.append)
-    assert complete and found == {place: place * place for place in range(6)}
-    assert shares == [pytest.approx(n / 6) for n in range(1, 7)]
+@pytest.fixture(scope="module")
+def two_figures():
+    """Few figures, drawn for real."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("lapwing.plots.RESPONSE_FIGURES", ("impact_section",))
+        patch.setattr("lapwing.plots.SWEEP_FIGURES", ())
+        yield
 
 
-def test_two_are_at_work_at_once():
-    """Each waits for the other; one after the other, they would wait for ever."""
-    barrier = threading.Barrier(2, timeout=20)
-    found, complete = side_by_side(lambda _: barrier.wait(), range(2), 2, ignore)
-    assert complete and sorted(found.values()) == [0, 1]
+@pytest.fixture(scope="module")
+def done(tmp_path_factory, two_figures):
+    """A deck and an undisturbed run of it."""
+    folder = tmp_path_factory.mktemp("done")
+    deck = write_deck(folder)
+    run_deck(load_deck(deck), folder / "r", threads=1)
+    return deck, folder / "r" / "small"
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_an_error_is_raised(threads):
-    def work(x):
-        if x == 3:
-            raise ValueError("three")
-        return x
-
-    with pytest.raises(ValueError, match="three"):
-        side_by_side(work, range(6), threads, ignore)
+@pytest.fixture
+def there(done, tmp_path, two_figures):
+    """A copy of its results, to be hurt; and a file of the user's among them."""
+    shutil.copytree(done[1], tmp_path / "r" / "small")
+    (tmp_path / "r" / "small" / "notes.txt").write_text("mine")
+    return tmp_path / "r" / "small"
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_an_interruption_reaches_every_thread_and_keeps_what_is_finished(threads):
-    """Item 0 is short, the others go on until they are interrupted."""
-    begun = threading.Semaphore(0)
+def again(done, there, *options):
+    return call("run", done[0], "--out", there.parent, "--threads", 1, *options)
 
-    def work(x):
-        if x == 0:
-            return x
-        begun.release()
-        until = time.monotonic() + 60
-        while time.monotonic() < until:
-            time.sleep(0.01)
-        return x
 
-    def interrupt():
-        for _ in range(threads):
-            begun.acquire()
-        _thread.interrupt_main()
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
 
-    threading.Thread(target=interrupt).start()
-    before = time.monotonic()
-    found, complete = side_by_side(work, range(6), threads, ignore)
-    assert not complete and found == {0: 0}
-    assert time.monotonic() - before < 30
-    assert threading.active_count() <= 2
+
+def good(done, there):
+    """Whether the folder holds what an undisturbed run writes, and the user's file."""
+    found = contents(there)
+    assert found.pop("notes.txt") == b"mine"
+    expected = contents(done[1])
+    # The manifest also says which names were the program's before.
+    assert {**json.loads(found.pop("manifest.json")), "replaced": 0, "checksum": 0} == {
+        **json.loads(expected.pop("manifest.json")), "replaced": 0, "checksum": 0}
+    assert found == expected
+    return [path.name for path in there.parent.iterdir()] == ["small"]
+
+
+def test_two_runs_write_the_same_bytes(done, tmp_path, two_figures):
+    run_deck(load_deck(done[0]), tmp_path / "r", threads=2)
+    assert contents(tmp_path / "r" / "small") == contents(done[1])
+
+
+def test_the_manifest_lists_everything(done):
+    manifest = Manifest.read(done[1])
+    assert {*manifest.files, "manifest.json"} == {path.name for path in done[1].iterdir()}
+    assert manifest.state == "complete" and not manifest.damaged(done[1])
+    assert manifest.variables == checksums(done[1] / "result.nc")
+
+
+@pytest.mark.parametrize("how", ["empty", "cut", "flip", "gone"])
+@pytest.mark.parametrize("name", ["result.nc", "used.nml", "summary.md", "te_curve.png",
+                                  "manifest.json"])
+def test_damage_is_noticed_said_and_made_good(done, there, name, how):
+    path = there / name
+    content = bytearray(path.read_bytes())
+    content[len(content) // 3] ^= 4
+    {"empty": lambda: path.write_bytes(b""), "cut": lambda: path.write_bytes(content[:-7]),
+     "flip": lambda: path.write_bytes(content), "gone": path.unlink}[how]()
+    if name == "result.nc" and how != "gone":
+        with pytest.raises((DamagedFile, OSError)):
+            read_results(path)
+        assert call("plot", path).exit_code == BAD_INPUT
+    result = again(done, there)
+    assert result.exit_code == OK and "reused" not in result.output
+    assert name in result.output and good(done, there)
+
+
+def flipped(done, there, seeds):
+    """Flip one bit of the result file, many times over; names those that went unnoticed."""
+    whole, unnoticed = (there / "result.nc").read_bytes(), []
+    for seed in seeds:
+        rng, content = np.random.default_rng(seed), bytearray(whole)
+        content[rng.integers(len(content))] ^= 1 << int(rng.integers(8))
+        (there / "result.nc").write_bytes(content)
+        try:
+            read_results(there / "result.nc").close()
+            unnoticed.append(seed)
+        except (OSError, ValueError):
+            pass
+    return unnoticed
+
+
+def test_every_flipped_bit_is_noticed(done, there):
+    assert flipped(done, there, range(40)) == []
+
+
+@pytest.mark.full
+def test_every_flipped_bit_is_noticed_many_times(done, there):
+    assert flipped(done, there, range(5000)) == []
+
+
+def test_a_result_file_alone_is_verified_by_its_own_checksums(done, tmp_path):
+    path = tmp_path / "alone.nc"
+    shutil.copy(done[1] / "result.nc", path)
+    with read_results(path) as results:
+        assert results.verified
+    with netCDF4.Dataset(path, "a") as file:
+        file["response_one"]["phi"][3] += 1e-12
+        file["sweep_torque"].rtol = 1e-5
+    with pytest.raises(DamagedFile, match=r"/response_one/phi, /sweep_torque$"):
+        read_results(path)
+
+
+def test_files_of_the_first_version_are_read_and_not_called_verified(done, tmp_path):
+    path = tmp_path / "old.nc"
+    shutil.copy(done[1] / "result.nc", path)
+    with netCDF4.Dataset(path, "a") as file:
+        for name in ("checksums", "schema_version", "interrupted", "engine_sha256"):
+            file.delncattr(name)
+    with read_results(path) as results:
+        assert not results.verified and results.responses == ("one",)
+
+
+def test_a_folder_of_the_first_version_is_taken_over(done, there):
+    """No manifest: its figures are known by their names, everything else is the user's."""
+    (there / "manifest.json").unlink()
+    (there / "te_curve.png").write_bytes(b"an older drawing")
+    assert "nothing there can be verified" in call(
+        "run", done[0], "--out", there.parent, "--threads", 1).output.replace(chr(10), " ")
+    assert good(done, there)
+
+
+def test_files_of_the_user_are_never_touched(done, tmp_path, two_figures):
+    folder = tmp_path / "r" / "small"
+    folder.mkdir(parents=True)
+    (folder / "gear_drawing.pdf").write_text("drawn by hand")
+    result = call("run", done[0], "--out", tmp_path / "r", "--threads", 1)
+    assert result.exit_code == BAD_INPUT and "files of yours" in result.output.replace("\n", " ")
+    assert contents(folder) == {"gear_drawing.pdf": b"drawn by hand"}
+
+
+def test_what_the_user_adds_stays(done, there):
+    (there / "more" / "deeper").mkdir(parents=True)
+    (there / "more" / "deeper" / "photo.png").write_text("a photo")
+    (there / "link").symlink_to("nowhere")
+    assert again(done, there, "--set", "operation.brake_torque=6", "--force").exit_code == OK
+    assert (there / "more" / "deeper" / "photo.png").read_text() == "a photo"
+    assert os.readlink(there / "link") == "nowhere" and (there / "notes.txt").exists()
+    assert [path.name for path in there.parent.iterdir()] == ["small"]
+
+
+def test_a_name_that_the_user_has_taken_is_left_to_him(done, there):
+    """A figure of the new values would be named like a file of the user's."""
+    (there / "impact_section_two.png").write_text("mine")
+    result = again(done, there, "--set", "response.one.name=two", "--force")
+    assert result.exit_code == FAILED and "a file of yours is named" in result.output
+    assert (there / "impact_section_two.png").read_text() == "mine"
+    assert (there / "impact_section_two.pdf").exists()
+    assert not (there / "impact_section_one.pdf").exists()
+
+
+@pytest.mark.parametrize("name", ["..nml", "...nml", ".hidden.nml"])
+def test_a_deck_without_a_name_of_its_own_is_refused(tmp_path, name):
+    deck, out = write_deck(tmp_path, name), tmp_path / "r" / "s"
+    out.mkdir(parents=True)
+    (out / "mine.png").write_text("mine")
+    result = call("run", deck, "--out", out)
+    assert result.exit_code == BAD_INPUT and "begin with a dot" in result.output.replace("\n", " ")
+    assert [path.name for path in out.iterdir()] == ["mine.png"]
+
+
+def test_a_file_in_the_place_of_the_folder_is_refused(done, tmp_path):
+    (tmp_path / "small").write_text("mine")
+    assert call("run", done[0], "--out", tmp_path).exit_code == BAD_INPUT
+    assert (tmp_path / "small").read_text() == "mine"
+
+
+def test_a_second_run_is_refused_and_told_of_the_first(done, there):
+    """The lock dies with its holder, a process that is killed."""
+    holder = subprocess.Popen(
+        [sys.executable, "-c", "import sys; from lapwing.results.store import FolderLock\n"
+         f"lock = FolderLock({str(there)!r}); print('held', flush=True); sys.stdin.read()"],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert holder.stdout.readline() == b"held\n"
+    before = contents(there)
+    result = again(done, there, "--force")
+    assert result.exit_code == BAD_INPUT and f"process {holder.pid} on" in result.output
+    assert contents(there) == before
+    holder.kill()
+    holder.communicate()
+    assert again(done, there).exit_code == OK
+    assert good(done, there)
+
+
+def test_the_lock_may_be_taken_again_in_one_process(tmp_path):
+    with FolderLock(tmp_path / "a"):
+        pass
+    with FolderLock(tmp_path / "a"):
+        assert [path.name for path in tmp_path.iterdir()] == [".a.lock"]
+    assert list(tmp_path.iterdir()) == []
+
+
+STOPS = ("lapwing.studies.of_deck:compute", "lapwing.results:write_results",
+         "lapwing.report.summary:summary_text", "lapwing.plots:draw_all",
+         "lapwing.results.store:Manifest.write", "lapwing.results.store:_bring_along",
+         "lapwing.results.store:_exchange", "lapwing.results.store:_dissolve")
+KILLED = """
+import functools, importlib, os, signal, sys
+from pathlib import Path
+module, _, path = {stop!r}.partition(":")
+owner = importlib.import_module(module)
+*parts, name = path.split(".")
+for part in parts:
+    owner = getattr(owner, part)
+original = getattr(owner, name)
+
+@functools.wraps(original)
+def stopped(*given, **more):
+    if {after}:
+        original(*given, **more)
+    os.kill(os.getpid(), signal.SIGKILL)
+
+setattr(owner, name, stopped)
+from lapwing import plots
+plots.RESPONSE_FIGURES, plots.SWEEP_FIGURES = ("impact_section",), ()
+from lapwing.deck import load_deck
+from lapwing.run import run_deck
+deck = load_deck({deck!r}, [("operation.brake_torque", "6")])
+run_deck(deck, {out!r}, threads=1, force=True)
+"""
+
+
+# Before a step is mostly after the one before it: some places are enough for every day.
+EVERY_DAY = {(STOPS[0], True), (STOPS[3], False), (STOPS[4], True), (STOPS[6], False),
+             (STOPS[6], True)}
+
+
+@pytest.mark.parametrize(("stop", "after"), [
+    pytest.param(stop, after, marks=[] if (stop, after) in EVERY_DAY else pytest.mark.full)
+    for stop in STOPS for after in (False, True)])
+def test_a_kill_leaves_the_old_or_the_new(done, there, stop, after):
+    """Killed before or after each step of a publication; the next run takes up what is left."""
+    code = KILLED.format(stop=stop, after=after, deck=str(done[0]), out=str(there.parent))
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
+    assert ended.returncode == -9, ended.stderr.decode()
+    assert (there / "notes.txt").read_text() == "mine"
+    manifest = Manifest.read(there)
+    assert not manifest.damaged(there) and manifest.state == "complete"
+    with read_results(there / "result.nc") as results:
+        assert results.verified
+    assert again(done, there, "--force").exit_code == OK
+    assert good(done, there)
+
+
+@pytest.mark.parametrize("exchange", ["renameat2", "two renames"])
+def test_a_kill_between_two_renames_is_made_good(done, there, exchange, monkeypatch):
+    """Where the system cannot exchange two names, the results have a third one for a moment."""
+    old = there.parent / ".small.old"
+    if exchange == "two renames":
+        there.rename(old)
+        (there.parent / ".small.new").mkdir()
+        (there.parent / ".small.new" / ".making").touch()
+    assert again(done, there).exit_code == OK
+    assert good(done, there)
+
+
+def test_without_an_exchange_in_one_step_the_same_is_published(done, there, monkeypatch):
+    monkeypatch.setattr("lapwing.results.store.sys.platform", "other")
+    assert again(done, there, "--force").exit_code == OK
+    assert good(done, there)
+
+
+def test_leftovers_of_dead_runs_go(done, there):
+    (there / ".result.nc.12345.tmp").write_text("half")
+    staging = staging_of(there)
+    staging.mkdir()
+    (staging / ".making").touch()
+    (staging / "result.nc").write_text("half")
+    assert again(done, there).exit_code == OK and good(done, there)
+
+
+def test_an_empty_used_deck_needs_no_force(done, there):
+    (there / "used.nml").write_text("")
+    assert again(done, there).exit_code == OK and good(done, there)
+    (there / "used.nml").write_text("")
+    (there / "manifest.json").unlink()
+    assert again(done, there).exit_code == OK and good(done, there)
+
+
+def interrupted_run(deck, out, monkeypatch, **options):
+    """Run a deck that a signal stops in its sweep."""
+    def stop(*_, **__):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("lapwing.studies.sweep.sweep", stop)
+        return run_deck(load_deck(deck, options.pop("overrides", ())), out, threads=1, **options)
+
+
+def test_an_interrupted_run_goes_on_where_it_stopped(done, tmp_path, two_figures, monkeypatch):
+    out = tmp_path / "r"
+    outcome = interrupted_run(done[0], out, monkeypatch)
+    assert outcome.interrupted and not outcome.reused
+    assert {path.name for path in outcome.folder.iterdir()} == NAMES
+    with read_results(outcome.folder / "result.nc") as results:
+        assert results.interrupted and results.responses == ("one",) and results.sweeps == ()
+    with monkeypatch.context() as patch:
+        patch.setattr("lapwing.studies.response.response", None)  # is not computed again
+        outcome = run_deck(load_deck(done[0]), out, threads=1)
+    assert not outcome.interrupted and "1 finished study taken over" in outcome.notes[0]
+    assert checksums(out / "small" / "result.nc") == checksums(done[1] / "result.nc")
+    found, expected = contents(out / "small"), contents(done[1])
+    assert all(found[name] == expected[name] for name in expected
+               if name not in ("result.nc", "manifest.json"))
+
+
+def test_unfinished_results_do_not_replace_complete_ones(done, there, monkeypatch):
+    before = contents(there)
+    other = [("operation.brake_torque", "6")]
+    outcome = interrupted_run(done[0], there.parent, monkeypatch, force=True, overrides=other)
+    assert outcome.folder.name == "small.interrupted" and contents(there) == before
+    with pytest.raises(FolderError, match="other values"):
+        run_deck(load_deck(done[0], other), there.parent, threads=1)
+    run_deck(load_deck(done[0], other), there.parent, threads=1, force=True)
+    assert [path.name for path in there.parent.iterdir()] == ["small"]
+
+
+def test_a_signal_while_drawing_keeps_the_results(done, tmp_path, two_figures, monkeypatch):
+    def stop(*_, **__):
+        raise KeyboardInterrupt
+
+    out = tmp_path / "r"
+    with monkeypatch.context() as patch:
+        patch.setattr("lapwing.plots.draw_all", stop)
+        assert run_deck(load_deck(done[0]), out, threads=1).interrupted
+    with read_results(out / "small" / "result.nc") as results:
+        assert not results.interrupted
+    with monkeypatch.context() as patch:
+        for study in ("response.response", "sweep.sweep"):
+            patch.setattr(f"lapwing.studies.{study}", None)
+        assert not run_deck(load_deck(done[0]), out, threads=1).interrupted
+    assert contents(out / "small").keys() == contents(done[1]).keys()
+
+
+FULL_DISK = """
+import resource, signal, sys
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+from lapwing import plots
+plots.RESPONSE_FIGURES, plots.SWEEP_FIGURES = ("impact_section",), ()
+from lapwing.deck import load_deck
+from lapwing.run import run_deck
+resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size}))
+try:
+    run_deck(load_deck({deck!r}), {out!r}, threads=1, force=True)
+except OSError as error:
+    sys.exit(f"said: {{error.strerror}}")
+"""
+
+
+@pytest.mark.parametrize("size", [0, 3000, 30_000])
+def test_no_room_for_new_files_leaves_the_old_ones(done, there, size):
+    """A bound of a file's size stands for a full disk."""
+    before = contents(there)
+    code = FULL_DISK.format(size=size, deck=str(done[0]), out=str(there.parent))
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
+                           check=False)
+    assert ended.returncode in (0, 1) and "Traceback" not in ended.stderr, ended.stderr
+    if ended.returncode:
+        assert "said: File too large" in ended.stderr and contents(there) == before
+    assert again(done, there).exit_code == OK and good(done, there)
+
+
+def test_figures_are_drawn_again_from_the_file_and_listed(done, there):
+    (there / "te_curve.png").unlink()
+    assert call("plot", there / "result.nc").exit_code == OK
+    assert not Manifest.read(there).damaged(there)
+    result = again(done, there)
+    assert "reused" in result.output and good(done, there)
+
+
+def test_figures_elsewhere_spare_what_is_there(done, tmp_path, two_figures):
+    folder = tmp_path / "figures"
+    folder.mkdir()
+    (folder / "te_curve.png").write_text("mine")
+    for _ in range(2):
+        result = call("plot", done[1] / "result.nc", "--out", folder)
+        assert result.exit_code == FAILED and "te_curve.png; it is left" in result.output
+    assert (folder / "te_curve.png").read_text() == "mine" and (folder / "te_curve.pdf").exists()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["figures"]
+
+
+def test_folders_are_told_by_the_deck(tmp_path):
+    assert folder_of("small", tmp_path) == tmp_path / "small"
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "elsewhere")
+    assert folder_of("link", tmp_path) == Path(os.path.realpath(tmp_path)) / "elsewhere"
 
 
 def test_a_figure_that_fails_leaves_the_others_and_is_named(tmp_path, monkeypatch):
-    """No `used.nml` then: the next run does not take these results for complete."""
+    """The next run does not take these results for complete."""
     from lapwing.plots import te_curve
 
     monkeypatch.setattr("lapwing.plots.RESPONSE_FIGURES", ("impact_section",))
@@ -86,10 +436,10 @@ def test_a_figure_that_fails_leaves_the_others_and_is_named(tmp_path, monkeypatc
         assert "small: figure te_curve: RuntimeError: no ink" in result.output
         names = {path.name for path in (out / "small").iterdir()}
         assert {"result.nc", "summary.md", "impact_section_one.png"} <= names
-        assert not names & {"used.nml", "te_curve.png"}
+        assert "te_curve.png" not in names
         monkeypatch.setenv("OMP_NUM_THREADS", "1")
         again = call("plot", out / "small" / "result.nc", "--out", tmp_path / "p")
         assert again.exit_code == FAILED and "impact_section_one.pdf" in again.output
         assert "figure te_curve: RuntimeError: no ink" in again.output
     assert call("run", deck, "--out", out, "--threads", 1).exit_code == OK
-    assert (out / "small" / "used.nml").exists()
+    assert (out / "small" / "te_curve.png").exists()

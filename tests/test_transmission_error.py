@@ -374,10 +374,10 @@ def test_angle_pairs_from_a_file(tmp_path):
 @pytest.mark.parametrize(("text", "problems"), [
     ("", [(0, 0, "no data")]),
     ("# only\nphase,transmission_error\n", [(0, 0, "no data")]),
-    ("0.0,1\n0.5,2\n", [(1, 1, "numbers where the header is meant")]),
-    ("phase,transmision_error\n0,1\n", [(1, 2, "is 'transmission_error' meant")]),
+    ("0.0,1\n0.5,2\n", [(1, 1, "numbers instead of the header")]),
+    ("phase,transmision_error\n0,1\n", [(1, 2, "expected 'transmission_error'")]),
     ("phase,transmission_error,kink[deg]\n0,1,1\n", [(1, 3, "0 and 1 without unit")]),
-    ("phase,transmission_error[furlong]\n0,1\n", [(1, 2, "no unit 'furlong'; meant is one")]),
+    ("phase,transmission_error[furlong]\n0,1\n", [(1, 2, "no unit 'furlong'; expected one")]),
     ("phase,slope\n0,1\n", [(1, 0, "make no table")]),
     ("phase,phase,transmission_error\n0,0,1\n", [(1, 0, "make no table")]),
     ("phase,transmission_error,slope,slope_left\n0,0,1,1\n", [(1, 0, "make no table")]),
@@ -386,18 +386,19 @@ def test_angle_pairs_from_a_file(tmp_path):
     ("phase,transmission_error\n0,1\n0.5,2\n", [(0, 0, "three rows")]),
     # Everything at once: header, field count, number, nan, order, kink.
     ("phase,transmission_error[um],kink\n0,1\n0.5,x,0\n0.4,nan,2\n",
-     [(1, 2, "no unit"), (2, 0, "2 fields where 3"), (3, 2, "'x'"), (4, 1, "ascend"),
+     [(1, 2, "no unit"), (2, 0, "2 fields; expected 3"), (3, 2, "'x'"), (4, 1, "ascend"),
       (4, 2, "'nan'"), (4, 3, "0 or 1")]),
     # One complaint about the separator instead of one in each row.
-    ("# x\nphase;transmission_error\n0;1\n0,5;2\n0,6;1\n", [(2, 0, "separator is ';', a comma")]),
-    ("0,0;1,2\n0,5;2,0\n", [(1, 0, "separator is ';', a comma")]),
-    ("phase\ttransmission_error\n0\t1\n", [(1, 0, "separator is a tab, a comma")]),
-    # Three rows of one wrong width are named, the others counted; another width is named apart.
+    ("# x\nphase;transmission_error\n0;1\n0,5;2\n0,6;1\n",
+     [(2, 0, "separator is ';'; expected a comma")]),
+    ("0,0;1,2\n0,5;2,0\n", [(1, 0, "separator is ';'; expected a comma")]),
+    ("phase\ttransmission_error\n0\t1\n", [(1, 0, "separator is a tab; expected a comma")]),
+    # Rows of one wrong width are counted, not listed; another width is named apart.
     ("phase,transmission_error\n" + "0,5,1,2\n" * 12 + "0.1\n",
-     [(2, 0, "4 fields where 2 are named; are there decimal commas?"), (3, 0, "4 fields"),
-      (4, 0, "(... and 9 more rows)"), (14, 0, "1 field where 2")]),
-    ("phase,transmission_error\n" + "0\n" * 4,
-     [(2, 0, "1 field"), (3, 0, "1 field"), (4, 0, "(... and 1 more row)")]),
+     [(2, 0, "4 fields; expected 2, as the header names; decimal commas? A point is expected "
+      "(... and 11 more rows)"), (14, 0, "1 field; expected 2")]),
+    ("phase,transmission_error\n" + "0;1\n" * 2,
+     [(2, 0, "the separator is ';', not a comma (... and 1 more row)")]),
 ])
 def test_bad_files_name_every_place(tmp_path, text, problems):
     with pytest.raises(TransmissionErrorFileError) as caught:

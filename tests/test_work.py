@@ -124,11 +124,16 @@ def test_a_chatter_at_full_restitution_is_bounded():
 @pytest.mark.parametrize("bad", [
     {"rtol": 0.0}, {"rtol": 1e-1}, {"rtol": float("nan")}, {"cycles": 0}, {"cycles": -1.0},
     {"cycles": float("inf")}, {"phase": 1.0}, {"phase": -0.1}, {"method": "euler"},
-    {"record": "events"}, {"record": ("event",)}, {"count_depth": 1.5}, {"chatter_tol": 0.0},
+    {"record": ("event",)}, {"count_depth": 1.5}, {"chatter_tol": 0.0},
     {"max_events_per_cycle": 0}, {"max_steps_per_cycle": 2**31}])
 def test_bad_arguments_are_refused(bad):
     with pytest.raises(ValueError):
         simulate(scene_a(1.8), **bad)
+
+
+def test_a_word_is_no_list_of_words():
+    with pytest.raises(TypeError, match="record = 'events', expected a tuple"):
+        simulate(scene_a(1.8), record="events")
 
 
 @pytest.mark.parametrize("taus", [[-1.0], [1.0, 0.5], [1e9], [float("nan")], [[0.0, 1.0]]])

@@ -1,10 +1,8 @@
-"""The command `lapwing`.
-
-Exit codes: 0; 1 a run failed numerically or a figure could not be drawn; 2 bad input; 130 Ctrl-C.
-"""
+"""The command `lapwing`; how it ends: `exit_codes.ExitCode`."""
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import sys
@@ -18,7 +16,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import typer
 
-OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+from lapwing import estimates, exit_codes, signals
+from lapwing.exit_codes import MEANINGS, ExitCode
+
+OK, FAILED, BAD_INPUT, INTERRUPTED = (
+    ExitCode.GOOD, ExitCode.FAILED, ExitCode.BAD_INPUT, ExitCode.INTERRUPTED)
 
 app = typer.Typer(
     name="lapwing", no_args_is_help=True, add_completion=False, rich_markup_mode=None,
@@ -34,7 +36,10 @@ Examples:
   lapwing run my_pair.nml --set operation.brake_torque=2 --out trial
   lapwing critical my_pair.nml              its critical values alone, printed
   lapwing plot results/my_pair/result.nc    draw its figures again
-""")
+
+\b
+Exit codes, the worst of several decks:
+""" + "\n".join(f"  {code:3} {text}" for code, text in MEANINGS.items()))
 
 Decks = Annotated[list[Path], typer.Argument(metavar="DECK...", help="namelist decks")]
 Settings = Annotated[list[str], typer.Option(
@@ -73,14 +78,12 @@ def run(decks: Decks,
 
     _refuse_equal_stems(decks)
     loaded, code = _load(decks, setting)
-    progress = None
-    if sys.stderr.isatty():
-        from lapwing.progress import Progress
-
-        progress = Progress()
     for deck in loaded:
-        code = _worst(code, _run(deck, out, threads or default_threads(), force, progress))
-        if code == INTERRUPTED:
+        with _telling(deck) as progress:
+            ended = _run(deck, out, threads or default_threads(), force, progress)
+        code = max(code, ended)
+        if signals.heard() is not None or ended >= ExitCode.STOPPED:
+            code = max(code, exit_codes.of_signal(signals.heard()))
             break
     raise typer.Exit(code)
 
@@ -101,8 +104,11 @@ def critical(decks: Decks,
 
     loaded, code = _load(decks, setting)
     for deck in loaded:
-        code = _worst(code, _critical(deck, threads or default_threads()))
-        if code == INTERRUPTED:
+        with _telling(deck) as progress:
+            found, ended = _critical(deck, threads or default_threads(), progress)
+        print(found, end="")
+        code = max(code, ended)
+        if ended >= ExitCode.STOPPED:
             break
     raise typer.Exit(code)
 
@@ -117,7 +123,8 @@ def check(decks: Decks, setting: Settings = []):  # noqa: B006
     """  # noqa: D301
     loaded, code = _load(decks, setting)
     for deck in loaded:
-        print(f"{deck.path}: good; {_studies(deck)}; {_derived(deck)}")
+        print(f"{deck.path}: good; {_studies(deck)}; {_derived(deck)}"
+              + estimates.stated(deck))
     raise typer.Exit(code)
 
 
@@ -134,7 +141,11 @@ def new(file: Annotated[Path | None, typer.Argument(
     from lapwing.deck import template_text
 
     if file is None:
-        print(template_text(), end="")
+        if sys.stdout.isatty():
+            print(template_text(), end="")
+        else:  # a file or pipe gets what the named file would get
+            sys.stdout.flush()
+            sys.stdout.buffer.write(template_text().encode())
         raise typer.Exit(OK)
     try:
         with file.open("x", encoding="utf-8") as stream:
@@ -143,8 +154,8 @@ def new(file: Annotated[Path | None, typer.Argument(
         _complain(f"{file}: exists already; it is left as it is")
         raise typer.Exit(BAD_INPUT) from None
     except OSError as error:
-        _complain(f"{file}: {error.strerror}")
-        raise typer.Exit(BAD_INPUT) from None
+        _complain(exit_codes.words(error, file))
+        raise typer.Exit(exit_codes.of_error(error)) from None
     print(f"{file}: written; now: lapwing check {file}")
 
 
@@ -159,6 +170,7 @@ def plot(files: Annotated[list[Path], typer.Argument(metavar="RESULT.nc...", hel
       lapwing plot results/lapping_25x32/result.nc --out figures
     """  # noqa: D301
     from lapwing.plots import FigureError
+    from lapwing.results.store import StoreError
     from lapwing.run import plot_file
     from lapwing.threads import default_threads
 
@@ -172,10 +184,15 @@ def plot(files: Annotated[list[Path], typer.Argument(metavar="RESULT.nc...", hel
                 print(path)
             for stem, what in error.failures.items():
                 _complain(f"{file}: figure {stem}: {what}")
-            code = _worst(code, FAILED)
-        except (OSError, ValueError) as error:
+            code = max(code, FAILED)
+        except (ValueError, StoreError) as error:
             _complain(f"{file}: {error}")
-            code = _worst(code, BAD_INPUT)
+            code = max(code, BAD_INPUT)
+        except (OSError, MemoryError, RuntimeError) as error:
+            if not exit_codes.is_of_surroundings(error):
+                raise
+            _complain(exit_codes.words(error, file))
+            code = max(code, exit_codes.of_error(error))
     raise typer.Exit(code)
 
 
@@ -230,68 +247,88 @@ def _load(paths, settings):
             continue
         for warning in deck.warnings:
             _complain(str(warning))
-        loaded.append(deck)
+        too_large = estimates.refusals(deck)
+        for text in too_large:
+            _complain(text)
+        code = BAD_INPUT if too_large else code
+        loaded += [] if too_large else [deck]
     return loaded, code
 
 
 def _run(deck, out, threads, force, progress):
     """Run one deck and report; returns its exit code."""
-    from lapwing.run import FolderError, run_deck
+    from lapwing.results.store import StoreError
+    from lapwing.run import run_deck
 
     try:
         outcome = run_deck(deck, out, threads=threads, force=force, progress=progress)
-    except FolderError as error:
+    except StoreError as error:
         _complain(str(error))
         return BAD_INPUT
-    except OSError as error:
-        _complain(f"{error.filename or out}: {error.strerror or error}")
-        return BAD_INPUT
+    except (OSError, MemoryError, RuntimeError) as error:
+        if not exit_codes.is_of_surroundings(error):
+            raise
+        _complain(f"{deck.title}: {exit_codes.words(error, out)}")
+        return exit_codes.of_error(error)
     except KeyboardInterrupt:
-        _complain(f"{deck.stem}: interrupted")
-        return INTERRUPTED
-    finally:
-        if progress is not None:
-            progress.close()
+        _complain(f"{deck.title}: stopped; nothing was finished")
+        return exit_codes.of_signal(signals.heard())
+    for note in outcome.notes:
+        _complain(note)
     if outcome.reused:
-        print(f"{deck.stem}: results of the same values are there already, reused: "
+        print(f"{deck.title}: results of the same values are there already, reused: "
               f"{outcome.folder}")
         return OK
-    print(f"{deck.stem}: {'interrupted; what is finished lies in' if outcome.interrupted else ''}"
-          f"{'' if outcome.interrupted else 'done, results in'} {outcome.folder}")
+    what = "stopped; what is finished lies in" if outcome.interrupted else "done, results in"
+    print(f"{deck.title}: {what} {outcome.folder}")
     for line in outcome.headlines:
         print(f"  {line}")
     for study in outcome.failed:
-        _complain(f"{deck.stem}: {study}: failed numerically, see status")
+        _complain(f"{deck.title}: {study}: failed numerically, see status")
     for stem, what in outcome.undrawn.items():
-        _complain(f"{deck.stem}: figure {stem}: {what}")
+        _complain(f"{deck.title}: figure {stem}: {what}")
     if outcome.interrupted:
-        return INTERRUPTED
+        return exit_codes.of_signal(signals.heard())
     return FAILED if outcome.failed or outcome.undrawn else OK
 
 
-def _critical(deck, threads):
-    """Search and print the critical values of one deck; returns its exit code."""
+def _critical(deck, threads, progress):
+    """Search the critical values of one deck; what is to be printed, and the exit code."""
+    from lapwing.report.critical import critical_text
     from lapwing.studies.critical_of_deck import critical_study
-    from lapwing.summary_critical import critical_text
 
     if not deck.criticals:
         _complain(f"{deck.path}: no &critical in this deck")
-        return BAD_INPUT
+        return "", BAD_INPUT
     try:
-        found = [critical_study(deck, study, threads).assign_attrs(name=study.name)
-                 for study in deck.criticals]
+        found = [critical_study(deck, study, threads,
+                                progress.study(f"critical {study.name}", 100, "%"))
+                 .assign_attrs(name=study.name) for study in deck.criticals]
     except KeyboardInterrupt:
-        _complain(f"{deck.stem}: interrupted")
-        return INTERRUPTED
-    print(f"# {deck.stem}\n\n" + "\n".join(critical_text(found)))
+        _complain(f"{deck.title}: stopped; nothing was finished")
+        return "", exit_codes.of_signal(signals.heard())
+    except (OSError, MemoryError, RuntimeError) as error:
+        if not exit_codes.is_of_surroundings(error):
+            raise
+        _complain(f"{deck.title}: {exit_codes.words(error)}")
+        return "", exit_codes.of_error(error)
     failed = any("trial_failed" in one and int(one["trial_failed"].sum()) for one in found)
-    return FAILED if failed else OK
+    return f"# {deck.title}\n\n" + "\n".join(critical_text(found)) + "\n", (
+        FAILED if failed else OK)
 
 
-def _worst(one, other):
-    """The exit code that says most."""
-    order = (OK, FAILED, BAD_INPUT, INTERRUPTED)
-    return max(one, other, key=order.index)
+@contextlib.contextmanager
+def _telling(deck):
+    """What tells how far a deck is: bars on a terminal, else a line at once and one a minute."""
+    from lapwing.progress import Bars, Lines
+
+    progress = Bars() if sys.stderr.isatty() else Lines(deck.title, sys.stderr)
+    if isinstance(progress, Lines):
+        progress.say(f"started; {_studies(deck)}")
+    try:
+        yield progress
+    finally:
+        progress.close()
 
 
 def _complain(text):
@@ -306,11 +343,80 @@ if find_spec("lapwing_bench"):
 
 
 def main():
-    """Entry point."""
+    """Entry point: every way to end is one of `ExitCode`, and no traceback."""
+    _open_streams()
+    # Nothing of this process is shown in a window, whatever a notebook or a matplotlibrc says.
+    os.environ["MPLBACKEND"] = "agg"
+    os.environ["MATPLOTLIBRC"] = os.path.join(os.path.dirname(__file__), "plots", "matplotlibrc")
+    code = ExitCode.SURROUNDINGS
+    with signals.listen():
+        try:
+            code = _called()
+        except KeyboardInterrupt:
+            code = exit_codes.of_signal(signals.heard())
+        except BrokenPipeError:
+            code = ExitCode.GOOD  # the reader has seen enough
+        except (OSError, MemoryError) as error:
+            _last_words(exit_codes.words(error))
+            code = exit_codes.of_error(error)
+        code = _flushed(code)
+    signals.ignore()  # all is said and done; the interpreter's end is not to be torn
+    sys.exit(code)
+
+
+def _called():
+    """Carry out the command line."""
     try:
-        app(standalone_mode=True)
-    except KeyboardInterrupt:
-        sys.exit(INTERRUPTED)
-    except BrokenPipeError:
-        sys.stderr.close()
-        sys.exit(OK)
+        code = int(app(standalone_mode=False) or 0)
+        return exit_codes.of_signal(signals.heard()) if code == INTERRUPTED else code
+    except typer.Abort:
+        return exit_codes.of_signal(signals.heard())
+    except Exception as error:
+        # A usage error: typer may bring a click of its own, so that its class has no fixed home.
+        if not (hasattr(error, "show") and hasattr(error, "exit_code")):
+            raise
+        error.show()
+        return error.exit_code
+
+
+def _open_streams():
+    """Have three open streams that take every character.
+
+    A closed one would be given to the next file that is opened, and what no encoding of the console
+    can show is written as an escape.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
+        with contextlib.suppress(AttributeError):  # replaced by something of a caller's
+            getattr(sys, name).reconfigure(errors="backslashreplace")
+
+
+def _flushed(code):
+    """Write out what is waiting, here rather than at the interpreter's end; the exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except BrokenPipeError:
+            _silence(stream)
+        except OSError as error:
+            _silence(stream)
+            _last_words(f"output: {error.strerror}")
+            code = max(code, ExitCode.SURROUNDINGS)
+    return code
+
+
+def _silence(stream):
+    """Let what is still waiting go nowhere."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+def _last_words(text):
+    with contextlib.suppress(OSError, ValueError):
+        print(text, file=sys.stderr, flush=True)

@@ -78,6 +78,7 @@ class Status(IntEnum):
     STEP_TOO_SMALL = 3
     NOT_FINITE = 4
     UNFINISHED = 5
+    OUT_OF_MEMORY = 6
 
 
 class SearchStage(IntEnum):

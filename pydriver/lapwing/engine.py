@@ -12,13 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lapwing import arguments
 from lapwing._engine import api
+from lapwing.arguments import Refusals
 from lapwing.codes import ContactLaw, Gap, ImpactLaw, Method, Status
 from lapwing.linear_response import response_amplification
+from lapwing.threads import usable_threads
 
 CALL_SECONDS = 0.4
 LOG_ROOM = 1 << 16
-MAX_INT = 2**31 - 1
 LINE_DONE = 4  # sweep.f90, stage_done
 
 (BLOB_SIZE, WORK_SIZE, LOG_COLUMNS, CYCLE_COLUMNS, SAMPLE_COLUMNS, N_REALS, N_CHOICES,
@@ -45,6 +47,9 @@ METHODS = ("auto", "exact", "rk4")
 # Three of sixteen digits may be lost between response and free oscillation.
 MOST_AMPLIFIED = 1e3
 EXACT_CHATTER_TOL = 1e-13
+# closed_form.f90, panel_span; and how many panels take some 80 MB while they are made.
+PANEL_SPAN = 1.31
+MOST_PANELS = 100_000
 # A longer harmonic series is taken from its table (harmonic_series.f90, max_terms).
 MAX_TERMS = 8
 
@@ -80,19 +85,21 @@ class Numerics:
     copy_repeats: bool = True
 
     def __post_init__(self):
-        problems = []
-        if self.method not in METHODS:
-            problems.append(f"method = {self.method!r}, meant is one of {', '.join(METHODS)}")
-        for key, low, high in (("rtol", 1e-13, 1e-2), ("count_depth", 0, 1)):
-            if not low <= getattr(self, key) <= high:
-                problems.append(f"{key} = {getattr(self, key)!r}, {low:g} to {high:g} is meant")
-        if self.chatter_tol is not None and not 0 < self.chatter_tol <= 1e-2:
-            problems.append(f"chatter_tol = {self.chatter_tol!r}, above 0 to 0.01 is meant")
+        taken = Refusals()
+        checked = {
+            "method": taken.take(arguments.choice, "method", self.method, METHODS),
+            "rtol": taken.take(arguments.real, "rtol", self.rtol, low=1e-13, high=1e-2),
+            "count_depth": taken.take(arguments.real, "count_depth", self.count_depth, low=0.0,
+                                      high=1.0),
+            "copy_repeats": taken.take(arguments.flag, "copy_repeats", self.copy_repeats)}
+        if self.chatter_tol is not None:
+            checked["chatter_tol"] = taken.take(
+                arguments.real, "chatter_tol", self.chatter_tol, above=0.0, high=1e-2)
         for key in ("max_events_per_cycle", "max_steps_per_cycle"):
-            if not 1 <= getattr(self, key) < MAX_INT:
-                problems.append(f"{key} = {getattr(self, key)!r}, 1 to {MAX_INT - 1} is meant")
-        if problems:
-            raise ValueError("numerics: " + "; ".join(problems))
+            checked[key] = taken.take(arguments.whole, key, getattr(self, key), 1)
+        taken.raise_if_any("numerics")
+        for key, value in checked.items():
+            object.__setattr__(self, key, value)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,22 +140,42 @@ def method_of(osc, numerics):
     """'exact' or 'rk4': how an oscillator is moved under `numerics`.
 
     The closed form of contact is a periodic response plus a free oscillation. Near an undamped
-    resonance both grow without bound and leave no digits in their sum; RK4 has no such trouble.
+    resonance both grow without bound and leave no digits in their sum; RK4 has no such trouble,
+    nor with a damper so fast against the mesh that the closed form would not fit into memory.
 
     Raises
     ------
     ValueError
-        where 'exact' is asked for and the response is more than `MOST_AMPLIFIED` times its cause.
+        where 'exact' is asked for and the response is more than `MOST_AMPLIFIED` times its cause,
+        or the closed form more than `MOST_PANELS` panels long.
     """
     if numerics.method == "rk4":
         return "rk4"
-    amplified = response_amplification(osc)
-    if amplified <= MOST_AMPLIFIED:
+    amplified, panels = response_amplification(osc), panels_of(osc)
+    if amplified <= MOST_AMPLIFIED and panels <= MOST_PANELS:
         return "exact"
     if numerics.method == "auto":
         return "rk4"
+    if panels > MOST_PANELS:
+        raise ValueError(f"method = 'exact': the closed form would cut the mesh period into "
+                         f"{panels:.3g} panels, at most {MOST_PANELS} are expected; take 'rk4', "
+                         "or a smaller damping_ratio over mesh_frequency_ratio")
     raise ValueError(f"method = 'exact': so near to an undamped resonance (amplification "
                      f"{amplified:.3g}) the closed form loses its digits; take 'rk4'")
+
+
+def panels_of(osc):
+    """Panels into which the closed form cuts the mesh period, to within one a piece of the table.
+
+    They are short against the fastest rate of contact, flank and damper (closed_form.f90); each
+    takes some 600 bytes, thrice while they are made.
+    """
+    rate, pieces = max(1.0, 2 * osc.damping_ratio), osc.te.knots.size - 1
+    if 0 < len(osc.te.harmonics) <= MAX_TERMS:
+        order, amplitude, _ = osc.te.harmonics.T
+        rate = max(rate, osc.mesh_frequency_ratio * np.max(order[amplitude != 0], initial=0.0))
+        pieces = 0
+    return osc.period * rate / PANEL_SPAN + pieces
 
 
 def common_method(oscillators, numerics):
@@ -296,7 +323,7 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
         point; later ones begin at the same phase
     settle, record : int, cycles before recording and cycles recorded
     log_room : int, lines of the log kept per point: impacts beyond that are dropped
-    threads : int
+    threads : int, wanted; `threads.usable_threads` says how many are begun
     progress : callable(fraction) or None, called between calls into the engine
     keep_interrupted : bool, whether Ctrl-C ends the sweep with what is finished, the other points
         with status UNFINISHED, instead of raising KeyboardInterrupt
@@ -336,7 +363,8 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
         while np.any(table[4] < LINE_DONE):
             before = (table.copy(), blobs.copy()) if waits else None
             begun = time.process_time()
-            api.sweep(*table_arguments, reals, choices, table, starts, CALL_SECONDS, threads,
+            api.sweep(*table_arguments, reals, choices, table, starts, CALL_SECONDS,
+                      usable_threads(threads, len(lines)),
                       blobs, cycles, tangent, density, log, outcome)
             cpu_seconds += time.process_time() - begun
             if before and all(map(np.array_equal, before, (table, blobs))):

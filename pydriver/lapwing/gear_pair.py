@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from numbers import Integral
 from types import SimpleNamespace
 
+from lapwing import arguments
+from lapwing.arguments import LEAST, MOST, Refusals
 from lapwing.oscillator import Oscillator, ParameterError, Scales, number_problems
 
 
@@ -43,19 +44,38 @@ class GearPair:
     mesh_damping: float | None = None
 
     def __post_init__(self):
-        problems = [f"{key} = {getattr(self, key)!r}, a whole number >= 1 is meant"
-                    for key in ("pinion_teeth", "gear_teeth") if not _is_count(getattr(self, key))]
+        taken = Refusals()
+        for key in ("pinion_teeth", "gear_teeth"):
+            count = taken.take(arguments.whole, key, getattr(self, key), 1)
+            object.__setattr__(self, key, getattr(self, key) if count is None else count)
+        problems = taken.problems
         damping = [key for key in ("damping_ratio", "mesh_damping")
                    if getattr(self, key) is not None]
         if len(damping) != 1:
-            problems.append("exactly one of damping_ratio and mesh_damping is meant, not "
+            problems.append("exactly one of damping_ratio and mesh_damping is expected, not "
                             + (" and ".join(damping) or "none"))
         problems += number_problems(
             self, positive=("pinion_inertia", "gear_inertia", "pinion_base_lever",
                             "mesh_stiffness", "backlash"),
             not_negative=damping, unit_interval=("restitution",))
+        problems = problems or self._derived_problems()
         if problems:
             raise ParameterError("gear pair", problems)
+
+    def _derived_problems(self):
+        """What the numbers give together where that leaves the range of numbers."""
+        problems = []
+        for name in ("equivalent_inertia", "torsional_stiffness", "natural_frequency",
+                     "force_per_torque", "xi"):
+            try:
+                value = getattr(self, name)
+                within = value == 0 if name == "xi" and value == 0 else LEAST <= value <= MOST
+            except ArithmeticError:
+                value, within = math.nan, False
+            if not within:
+                problems.append(f"{_FROM[name]} together give {name} = {value:.3g}, expected "
+                                f"{LEAST:g} to {MOST:g}")
+        return problems[:1]
 
     @property
     def gear_ratio(self):
@@ -92,7 +112,16 @@ class GearPair:
         return 1 / (self.gear_ratio * self.torsional_stiffness)
 
     def force(self, brake_torque, drive_torque=None):
-        """F = i12·T_l/(J2·ω'²) + T_m/(J1·ω'²), rad; torques in N·m, default T_m = T_l/i12."""
+        """F = i12·T_l/(J2·ω'²) + T_m/(J1·ω'²), rad; torques in N·m, default T_m = T_l/i12.
+
+        Raises
+        ------
+        TypeError, ValueError
+            for a torque that is no finite number.
+        """
+        brake_torque = arguments.real("brake_torque", brake_torque)
+        if drive_torque is not None:
+            drive_torque = arguments.real("drive_torque", drive_torque)
         if drive_torque is None:
             return self.force_per_torque * brake_torque
         gear = self.gear_ratio * brake_torque / self.gear_inertia
@@ -138,7 +167,18 @@ class GearPair:
 
     def mesh_frequency(self, pinion_speed_rpm=None, pinion_speed_rad_s=None,
                        mesh_frequency_hz=None):
-        """Angular mesh frequency Z1·n1, rad/s, from the one speed that is given."""
+        """Angular mesh frequency Z1·n1, rad/s, from the one speed that is given.
+
+        Raises
+        ------
+        ParameterError
+            (a ValueError) unless exactly one is given, a number above 0.
+        """
+        speeds = {"pinion_speed_rpm": pinion_speed_rpm, "pinion_speed_rad_s": pinion_speed_rad_s,
+                  "mesh_frequency_hz": mesh_frequency_hz}
+        problems = _drive_problems(speeds, 0.0, None)
+        if problems:
+            raise ParameterError("mesh frequency", problems)
         if mesh_frequency_hz is not None:
             return 2 * math.pi * mesh_frequency_hz
         if pinion_speed_rpm is not None:
@@ -146,8 +186,12 @@ class GearPair:
         return self.pinion_teeth * pinion_speed_rad_s
 
 
-def _is_count(value):
-    return isinstance(value, Integral) and not isinstance(value, bool) and value >= 1
+# Which given numbers a derived one comes from.
+_FROM = {"equivalent_inertia": "pinion_inertia, gear_inertia and the tooth numbers",
+         "torsional_stiffness": "mesh_stiffness and pinion_base_lever",
+         "natural_frequency": "mesh_stiffness, pinion_base_lever and the inertias",
+         "force_per_torque": "mesh_stiffness, pinion_base_lever and the tooth numbers",
+         "xi": "mesh_damping, mesh_stiffness, pinion_base_lever and the inertias"}
 
 
 def _drive_problems(speeds, brake_torque, drive_torque):
@@ -155,7 +199,7 @@ def _drive_problems(speeds, brake_torque, drive_torque):
     given = [key for key, value in speeds.items() if value is not None]
     problems = []
     if len(given) != 1:
-        problems.append(f"exactly one of {', '.join(speeds)} is meant, not "
+        problems.append(f"exactly one of {', '.join(speeds)} is expected, not "
                         + (" and ".join(given) or "none"))
     torques = {"brake_torque": brake_torque, "drive_torque": drive_torque}
     if drive_torque is None:

@@ -28,6 +28,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import polynomial as power
 
+from lapwing import arguments
+from lapwing.oscillator import Oscillator
 from lapwing.transmission_error import stationary_points
 
 # |λ|·w <= 1 for both free exponents λ, so the first neglected term is below 1/21! = 2e-20.
@@ -66,7 +68,8 @@ class EngagedResponse:
 
     def penetration(self, phase, order=0):
         """φ (rad) or its derivative with respect to τ at `phase` (periods); right limits."""
-        phase = np.mod(np.asarray(phase, dtype=float), 1.0)
+        order = arguments.whole("order", order, 0, _TERMS)
+        phase = np.mod(arguments.reals("phase", phase, empty=True), 1.0)
         phase = np.where(phase == 1.0, 0.0, phase)
         step = np.searchsorted(self.edges, phase, side="right") - 1
         width = np.diff(self.edges)[step]
@@ -95,6 +98,7 @@ def engaged_response(osc):
     ValueError
         No periodic response: ξ = 0 at a resonance, Ω = 1/n.
     """
+    arguments.instance("osc", osc, Oscillator)
     response = _unforced(osc)
     coefficients = response.coefficients + np.eye(1, _TERMS) * osc.force
     return replace(response, coefficients=coefficients, minimum=response.minimum + osc.force)
@@ -113,6 +117,7 @@ def critical_force(osc):
     ValueError
         As `engaged_response`.
     """
+    arguments.instance("osc", osc, Oscillator)
     response = _unforced(osc)
     return CriticalForce(-response.minimum, response.minimum_phase)
 
@@ -125,6 +130,7 @@ def critical_torque(osc):
     ValueError
         As `engaged_response`, or if `osc` has no scales.
     """
+    arguments.instance("osc", osc, Oscillator)
     if osc.scales is None:
         raise ValueError("the oscillator has no scales: build it from a GearPair")
     force, phase = critical_force(osc)

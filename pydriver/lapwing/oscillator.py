@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from numbers import Real
 
+from lapwing import arguments
+from lapwing.arguments import MOST, Refusals
 from lapwing.codes import ContactLaw, Gap, ImpactLaw
 from lapwing.transmission_error import TransmissionError
 
@@ -35,6 +36,11 @@ class Scales:
 
     natural_frequency: float
     force_per_torque: float
+
+    def __post_init__(self):
+        problems = number_problems(self, positive=("natural_frequency", "force_per_torque"))
+        if problems:
+            raise ParameterError("scales", problems)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,6 +88,8 @@ class Oscillator:
             self, finite=("force",), positive=("mesh_frequency_ratio", "gear_ratio", "backlash"),
             not_negative=("damping_ratio",), unit_interval=("restitution",))
         problems += self._choice_problems()
+        if not problems and not self.gear_ratio * self.te.magnitude <= MOST:
+            problems = [f"gear_ratio times the transmission error is beyond {MOST:g} rad"]
         if not problems:
             problems = self._flank_problems()
         if problems:
@@ -90,16 +98,23 @@ class Oscillator:
     def _choice_problems(self):
         choices = {"contact_law": names(ContactLaw), "impact_law": names(ImpactLaw),
                    "gap": names(Gap), "te_sign": tuple(TE_SIGNS)}
-        problems = [f"{key} = {getattr(self, key)!r}, meant is one of {', '.join(allowed)}"
-                    for key, allowed in choices.items() if getattr(self, key) not in allowed]
+        taken = Refusals()
+        for key, allowed in choices.items():
+            taken.take(arguments.choice, key, getattr(self, key), allowed)
         if not isinstance(self.te, TransmissionError):
-            problems.append("te must be a TransmissionError")
-        if not isinstance(self.back_flank_te, bool):
-            problems.append(f"back_flank_te = {self.back_flank_te!r}, True or False is meant")
-        if self.impact_law == "absolute" and self.contact_law in ("compliant", "rigid"):
-            problems.append("impact_law 'absolute' goes with contact_law 'restitution' only, "
-                            f"not {self.contact_law!r}")
-        return problems
+            taken.problems.append("te must be a TransmissionError, not "
+                                  + arguments.shown(self.te))
+        if self.scales is not None:
+            taken.take(arguments.instance, "scales", self.scales, Scales)
+        # A NumPy bool becomes one of Python.
+        object.__setattr__(self, "back_flank_te",
+                           taken.take(arguments.flag, "back_flank_te", self.back_flank_te))
+        laws = (self.contact_law, self.impact_law)
+        if all(isinstance(law, str) for law in laws) and laws[1] == "absolute" \
+                and laws[0] in ("compliant", "rigid"):
+            taken.problems.append("impact_law 'absolute' goes with contact_law 'restitution' only, "
+                                  f"not {self.contact_law!r}")
+        return taken.problems
 
     def _flank_problems(self):
         if self.back_flank_te or self.gap_width + self.flank_extrema[0] > 0:
@@ -137,7 +152,7 @@ class Oscillator:
         return min(self.backlash, motion) if motion > 0 else self.backlash
 
     def with_force(self, force):
-        """The same oscillator under another mean force F (rad)."""
+        """The same oscillator under another mean force F (rad); ParameterError as `Oscillator`."""
         return replace(self, force=force)
 
 
@@ -147,15 +162,17 @@ def names(codes):
 
 
 def number_problems(owner, *, finite=(), positive=(), not_negative=(), unit_interval=()):
-    """One sentence for each named attribute of `owner` that is not a number of its kind."""
-    rules = ((finite, "finite", lambda x: True), (positive, "> 0", lambda x: x > 0),
-             (not_negative, ">= 0", lambda x: x >= 0),
-             (unit_interval, "from 0 to 1", lambda x: 0 <= x <= 1))
-    problems = []
-    for keys, meant, accepts in rules:
+    """One sentence for each named attribute of `owner` that is not a number of its kind.
+
+    The others become plain floats, also in a frozen dataclass.
+    """
+    taken = Refusals()
+    kinds = ((finite, arguments.real, {}), (positive, arguments.positive, {}),
+             (not_negative, arguments.not_negative, {}),
+             (unit_interval, arguments.real, {"low": 0.0, "high": 1.0}))
+    for keys, converter, limits in kinds:
         for key in keys:
-            value = getattr(owner, key)
-            number = isinstance(value, Real) and not isinstance(value, bool)
-            if not (number and math.isfinite(value) and accepts(value)):
-                problems.append(f"{key} = {value!r}, a number {meant} is meant")
-    return problems
+            number = taken.take(converter, key, getattr(owner, key), **limits)
+            if number is not None:
+                object.__setattr__(owner, key, number)
+    return taken.problems

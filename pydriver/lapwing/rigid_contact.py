@@ -7,7 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lapwing import arguments
 from lapwing.linear_response import flank_harmonics, least_value, series_steps
+from lapwing.oscillator import Oscillator
 
 # Why no force keeps contact.
 THROWN_OFF, STRUCK = "thrown_off", "struck"
@@ -44,6 +46,7 @@ def lift_off_force(osc):
     -------
     LiftOff
     """
+    arguments.instance("osc", osc, Oscillator)
     jumps = osc.flank_scale * osc.te.slope_jumps()
     for reason, where in ((THROWN_OFF, jumps > 0), (STRUCK, (jumps < 0) & (osc.restitution > 0))):
         if where.any():

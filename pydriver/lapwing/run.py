@@ -1,26 +1,44 @@
-"""A deck carried out: its studies run, its results written, drawn and summarised."""
+"""A deck carried out: its studies run, its results written, drawn, summarised and published.
+
+What is in a results folder, and what is promised of it: docs/results.md.
+"""
 
 from __future__ import annotations
 
-import ctypes
-import threading
+import contextlib
+import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
-from queue import Empty, SimpleQueue
 
 from lapwing import __version__
-from lapwing.codes import Status
 from lapwing.deck import DeckError, changed_keys, load_deck, used_hash, used_text
 from lapwing.deck.schema import SPEEDS
 from lapwing.deck.used import stored_hash
+from lapwing.results.store import (
+    COMPLETE,
+    INCOMPLETE,
+    MANIFEST,
+    FolderLock,
+    Manifest,
+    Staging,
+    StoreError,
+    add_files,
+    discard,
+    probe,
+    recover,
+)
+from lapwing.signals import held
 
 RESULT_FILE = "result.nc"
 USED_DECK = "used.nml"
 SUMMARY = "summary.md"
+FILES = (RESULT_FILE, USED_DECK, SUMMARY)
+# Of a folder in which an interrupted run keeps what it finished beside complete results.
+INTERRUPTED = ".interrupted"
 
 
-class FolderError(Exception):
-    """Results of another deck lie where this one's would go."""
+class FolderError(StoreError):
+    """Results of another deck, or something else, lie where this one's would go."""
 
 
 @dataclass
@@ -31,10 +49,11 @@ class Outcome:
     ----------
     folder : Path, where its results lie
     reused : bool, whether results of the same values were there already
-    interrupted : bool, whether the user stopped it; what was finished is kept
+    interrupted : bool, whether a signal stopped it; what was finished is kept
     failed : tuple of str, studies in which some run failed numerically
     undrawn : dict of name -> str, figures that could not be drawn, and why
     headlines : tuple of str, the main result of each study
+    notes : tuple of str, what was found damaged and done again, and what was taken over
     """
 
     folder: Path
@@ -43,22 +62,48 @@ class Outcome:
     failed: tuple = ()
     undrawn: dict = field(default_factory=dict)
     headlines: tuple = ()
+    notes: tuple = ()
+
+
+@dataclass
+class _There:
+    """What lies in a deck's folder.
+
+    Attributes
+    ----------
+    manifest : Manifest, or None where there is none that can be read
+    inputs : str or None, hash of the values of the results there; None: no results, or not known
+    known : tuple of names that are the program's own without a manifest that lists them
+    """
+
+    manifest: Manifest | None
+    inputs: str | None
+    known: tuple = ()
+
+    @property
+    def complete(self):
+        """Whether there are results that lack nothing, as far as anybody knows."""
+        return self.manifest.state == COMPLETE if self.manifest else bool(self.known)
 
 
 def run_deck(deck, parent, *, threads, force=False, progress=None):
     """Run a deck into `parent`/<deck>.
 
-    1. Results of the same values are used again; others are refused unless `force`.
-    2. Responses, side by side, critical values, sweeps; an interruption keeps the studies that are
-       finished, and the points of a sweep that are.
-    3. Result file, summary and figures, then `used.nml`, whose presence says that all is there.
+    1. Take the folder's lock; clear what a run that was killed left beside it.
+    2. Results of the same values are verified and used again; of files that are damaged or missing
+       the figures and texts are made again, the result file is computed again.  Results of other
+       values are refused unless `force`.
+    3. Studies that an interrupted run of the same values finished are taken over; the others run.
+    4. Result file, summary and figures are made beside the folder and published at once.  After a
+       signal no figures are drawn, and unfinished results do not replace complete ones: they go
+       to `parent`/<deck>.interrupted.
 
     Parameters
     ----------
     deck : lapwing.deck.Deck
-    parent : Path, created where missing
+    parent : str or Path, created where missing
     threads : int; threads that compute, and processes that draw; no result depends on it
-    force : bool, whether other results are replaced
+    force : bool, whether everything is computed anew and other results are replaced
     progress : object with `study(label, total, unit)` giving a callable(fraction), or None
 
     Returns
@@ -67,207 +112,242 @@ def run_deck(deck, parent, *, threads, force=False, progress=None):
 
     Raises
     ------
-    FolderError
-        where results of other values lie there and `force` is not given.
+    lapwing.results.store.StoreError
+        where the folder is another's: `FolderError` for results of other values without `force`
+        or files that no run wrote, `LockedError` while another run writes there.
+    OSError
+        where something cannot be written; what lay there is still there.
     """
-    from lapwing.plots.crew import Crew
-
-    folder = Path(parent) / deck.stem
-    if _reusable(deck, folder, force):
-        return Outcome(folder, reused=True)
-    _clear(folder)
-    report = progress.study if progress else (lambda *_: (lambda _: None))
-    with Crew(threads) as crew:
-        responses, criticals, sweeps, interrupted = _studies(deck, threads, report)
-        _write(deck, folder, responses, criticals, sweeps)
-        undrawn = _present(folder, crew, report)
-    if not interrupted and not undrawn:
-        (folder / USED_DECK).write_text(used_text(deck, folder), encoding="utf-8")
-    return Outcome(folder, interrupted=interrupted, failed=_failed(responses, criticals, sweeps),
-                   undrawn=undrawn, headlines=_headlines(responses, criticals, sweeps))
+    folder = folder_of(deck.stem, parent)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with FolderLock(folder):
+        recover(folder)
+        there = _inspect(folder)
+        _refuse_others(deck, folder, there, force)
+        return _Run(deck, folder, there, threads, progress).carry_out(force)
 
 
-def _reusable(deck, folder, force):
-    """Whether the folder holds this deck's results; refuses those of another."""
-    used = folder / USED_DECK
-    if force or not used.exists():
-        return False
-    text = _read(used)
-    same_version = f"! lapwing {__version__}\n" in text
-    same_values = stored_hash(text) == used_hash(deck)
-    if same_values and same_version and (folder / RESULT_FILE).exists():
-        return True
+def folder_of(stem, parent):
+    """Folder of a deck's results.
+
+    Raises
+    ------
+    FolderError
+        where the deck's name makes no folder of its own.
+    """
+    if stem.startswith(".") or stem in ("", ".."):
+        raise FolderError(f"a deck named {stem!r} has no folder of its own; expected is a name "
+                          "that does not begin with a dot")
+    folder = Path(parent) / stem
     try:
-        changes = changed_keys(load_deck(used), deck) or ("the transmission error's numbers",)
+        str(folder.absolute()).encode()
+    except UnicodeEncodeError:
+        raise FolderError("netCDF files have names in UTF-8, which "
+                          f"{str(folder).encode('utf-8', 'backslashreplace').decode()} is not; "
+                          "rename the deck or take another --out") from None
+    return folder.resolve() if folder.is_symlink() else folder
+
+
+def _inspect(folder):
+    """What lies in the folder; files that no run wrote are refused."""
+    if not folder.exists():
+        return _There(None, None)
+    if not folder.is_dir():
+        raise FolderError(f"{folder} is no folder; expected is none, or one of results")
+    manifest = Manifest.read(folder)
+    if manifest is not None and RESULT_FILE in manifest.files:
+        return _There(manifest, manifest.inputs)
+    if not any(folder.iterdir()):
+        return _There(None, None)
+    # Of version 0.1, or with a damaged manifest.
+    result = folder / RESULT_FILE
+    inputs = stored_hash(_read(folder / USED_DECK)) or _stored_inputs(result)
+    if inputs is None:
+        raise FolderError(f"{folder} holds files, but no results that could be told from files of "
+                          "yours; expected is a new or empty folder, or one that a run made. Name "
+                          "another with --out")
+    return _There(None, inputs, FILES + _figure_names(result))
+
+
+def _stored_inputs(result):
+    """Hash of the values in a result file that can be read, or None."""
+    from lapwing.results import read_results
+
+    with contextlib.suppress(OSError, ValueError, RuntimeError), read_results(result) as results:
+        return str(results.attrs["used_hash"])
+    return None
+
+
+def _figure_names(result):
+    """Names of the figures that belong to a result file, as far as it can be read."""
+    from lapwing.plots import FORMATS, tasks_of
+    from lapwing.results import read_results
+
+    with contextlib.suppress(OSError, ValueError, RuntimeError, KeyError), \
+            read_results(result) as results:
+        return tuple(f"{task.stem}.{suffix}" for task in tasks_of(results) for suffix in FORMATS)
+    return ()
+
+
+def _refuse_others(deck, folder, there, force):
+    """Refuse to replace results of other values, or of another version, without `force`."""
+    if force or there.inputs is None:
+        return
+    same_values = there.inputs == used_hash(deck)
+    program = there.manifest.program if there.manifest else __version__
+    if same_values and program == __version__:
+        return
+    try:
+        changes = changed_keys(load_deck(folder / USED_DECK), deck) or (
+            "the transmission error's numbers",)
     except DeckError:
-        changes = (f"{used} cannot be read",)
+        changes = (f"{folder / USED_DECK} cannot be read",)
     if same_values:
-        changes = ("the version of Lapwing",)
+        changes = (f"the version of Lapwing: {program} -> {__version__}",)
     raise FolderError(f"{folder}: results of other values lie there; --force replaces them. "
                       "What differs:\n" + "\n".join(f"  {line}" for line in changes))
 
 
-def _clear(folder):
-    """An empty folder; what an earlier run left goes, file by file, and nothing else."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name in (USED_DECK, SUMMARY, RESULT_FILE):
-        (folder / name).unlink(missing_ok=True)
-    for pattern in ("*.png", "*.pdf"):
-        for path in folder.glob(pattern):
-            path.unlink()
+class _Run:
+    """One deck under way, its folder locked."""
 
+    def __init__(self, deck, folder, there, threads, progress):
+        self.deck, self.folder, self.there, self.threads = deck, folder, there, threads
+        self.report = progress.study if progress else (lambda *_: (lambda _: None))
+        self.inputs, self.notes = used_hash(deck), []
+        self.aside = folder.with_name(folder.name + INTERRUPTED)
+        self.whole = None  # a verified result file that lacks nothing, where there is one
 
-def _studies(deck, threads, report):
-    """Responses, critical values and sweeps, as far as the user lets them."""
-    from lapwing.studies.critical_of_deck import critical_study
+    def carry_out(self, force):
+        """Reuse, draw again, or compute; the `Outcome`."""
+        from lapwing.plots.crew import Crew
+        from lapwing.studies.of_deck import compute
 
-    responses, criticals, sweeps = [], {}, {}
-    try:
-        if deck.responses:
-            done = report("responses", len(deck.responses), "responses")
-            if not _responses(deck, threads, responses, done):
-                return responses, criticals, sweeps, True
-        for critical in deck.criticals:
-            done = report(f"critical {critical.name}", 100, "%")
-            criticals[critical.name] = critical_study(deck, critical, threads, done)
-            done(1.0)
-        for sweep in deck.sweeps:
-            points = len(sweep.values) * len(sweep.starts)
-            done = report(f"sweep {sweep.name}", points, "points")
-            sweeps[sweep.name] = _sweep(deck, sweep, threads, done)
-            if sweeps[sweep.name].attrs["interrupted"]:
-                return responses, criticals, sweeps, True
-    except KeyboardInterrupt:
-        return responses, criticals, sweeps, True
-    return responses, criticals, sweeps, False
+        known = {} if force else self._known()
+        if known is None:
+            return Outcome(self.folder, reused=True)
+        with Crew(self.threads) as crew:
+            found = compute(self.deck, self.threads, self.report, known)
+            return self._publish(found, crew)
 
+    def _known(self):
+        """Finished studies that lie there already; None where nothing is left to do."""
+        manifest = self.there.manifest
+        if manifest is None:
+            if self.there.known:
+                self.notes.append(f"{self.folder}: without a readable {MANIFEST} nothing there can "
+                                  "be verified: computed again")
+        else:
+            damaged = manifest.damaged(self.folder)
+            if not damaged and manifest.state == COMPLETE:
+                return None
+            for name, wrong in damaged.items():
+                again = "computed" if name == RESULT_FILE else "made"
+                self.notes.append(f"{self.folder / name} is damaged ({wrong}): {again} again")
+            if RESULT_FILE not in damaged:
+                return self._taken_over(self.folder)
+        return self._taken_over(self.aside) if self.aside.exists() else {}
 
-def _responses(deck, threads, responses, done):
-    """Add the responses of a deck, in its order; returns whether all are there."""
-    import lapwing.studies.response  # noqa: F401 - by one thread, before there are several
+    def _taken_over(self, folder):
+        """Studies of a verified result file of the same values, version and engine."""
+        from lapwing.results import engine_digest, read_results, stored_studies
+        from lapwing.studies.of_deck import is_finished
 
-    studies = list(enumerate(deck.responses))
-    found, complete = side_by_side(lambda one: _response(deck, one[1], one[0]), studies,
-                                   threads, done)
-    responses += [found[order] for order in sorted(found)]
-    return complete
+        manifest = Manifest.read(folder)
+        if manifest is None or RESULT_FILE not in manifest.files or manifest.wrong_with(
+                folder / RESULT_FILE) or manifest.inputs != self.inputs:
+            return {}
+        if (manifest.program, manifest.engine) != (__version__, engine_digest()):
+            self.notes.append(f"{folder}: of another build of the engine: computed again")
+            return {}
+        known = {key: study for key, study in stored_studies(folder / RESULT_FILE).items()
+                 if is_finished(study)}
+        with read_results(folder / RESULT_FILE, check=False) as results:
+            if not results.interrupted:
+                self.whole = folder / RESULT_FILE
+                return known
+        self.notes.append(f"{folder}: {len(known)} finished "
+                          f"{'study' if len(known) == 1 else 'studies'} taken over")
+        return known
 
+    def _publish(self, found, crew):
+        """Write everything aside and publish it."""
+        from lapwing.plots import FORMATS
+        from lapwing.report.headlines import headlines
+        from lapwing.results import engine_digest
 
-def side_by_side(function, items, threads, done):
-    """Call a function of each item, several at a time.
-
-    The engine works without Python's lock and keeps nothing between calls, so that threads do.
-
-    Parameters
-    ----------
-    function : callable(item)
-    items : sequence
-    threads : int
-    done : callable(fraction done)
-
-    Returns
-    -------
-    results : dict of place in `items` -> what the function returned
-    complete : bool, False after Ctrl-C, which keeps what is finished
-
-    Raises
-    ------
-    Exception
-        the first that a call raised; the others are given up.
-    """
-    waiting, results, errors = SimpleQueue(), {}, []
-    stop, lock = threading.Event(), threading.Lock()
-    for place in range(len(items)):
-        waiting.put(place)
-
-    def work():
-        while not stop.is_set():
+        folder = self.aside if found.interrupted and self.there.complete else self.folder
+        undrawn, drawn = {}, False
+        with contextlib.ExitStack() as stack:
+            known = self.there.known
+            if folder == self.aside:
+                stack.enter_context(FolderLock(folder))
+                known = ()
+            staging = stack.enter_context(Staging(folder))
+            stopped = found.interrupted
             try:
-                place = waiting.get_nowait()
-            except Empty:
-                return
-            result = function(items[place])
-            with lock:
-                results[place] = result
-                done(len(results) / len(items))
+                with held():
+                    variables = self._write(found, staging.path)
+            except KeyboardInterrupt:
+                stopped = True  # raised at the end of the block: the files are whole
+            if not stopped:
+                try:
+                    undrawn = self._draw(staging.path, crew)
+                    drawn = True
+                except KeyboardInterrupt:
+                    crew.stop()
+                    for path in staging.path.iterdir():
+                        if path.suffix[1:] in FORMATS:
+                            path.unlink()
+            manifest = Manifest.of(
+                staging.path, state=COMPLETE if drawn and not undrawn else INCOMPLETE,
+                inputs=self.inputs, program=__version__, engine=engine_digest(),
+                variables=variables)
+            taken = ()
+            with contextlib.suppress(KeyboardInterrupt), held():
+                taken = staging.publish(manifest, known)
+            for name in taken:
+                undrawn[Path(name).stem] = f"a file of yours is named {name}; it is left as it is"
+        if drawn:
+            discard(self.aside)
+        return Outcome(folder, interrupted=not drawn, failed=found.failed(), undrawn=undrawn,
+                       headlines=headlines([*found.responses.values()], found.criticals,
+                                           found.sweeps), notes=tuple(self.notes))
 
-    def help_out():
-        try:
-            work()
-        except KeyboardInterrupt:
-            pass  # handed on
-        except Exception as error:
-            errors.append(error)
-            stop.set()
+    def _write(self, found, folder):
+        """Result file, summary and the deck as used; returns the checksums of the variables."""
+        from lapwing.report.summary import summary_text
+        from lapwing.results import checksums, read_results, write_results
 
-    helpers = [threading.Thread(target=help_out) for _ in range(min(threads, len(items)) - 1)]
-    try:
-        for helper in helpers:
-            helper.start()
-        work()
-        for helper in helpers:
-            helper.join()
-    except BaseException as error:
-        stop.set()
-        for helper in helpers:
-            _interrupt(helper)
-        if not isinstance(error, KeyboardInterrupt):
-            raise
-        return results, False
-    if errors:
-        raise errors[0]
-    return results, True
+        text = used_text(self.deck, self.folder)
+        if self.whole is not None:
+            shutil.copyfile(self.whole, folder / RESULT_FILE)
+            variables = checksums(folder / RESULT_FILE)
+        else:
+            variables = write_results(
+                folder / RESULT_FILE, deck_name=self.deck.title, deck_text=self.deck.text,
+                used_text=text, used_hash=self.inputs, pair=self.deck.gear_pair, te=self.deck.te,
+                osc=_reference_oscillator(self.deck), responses=[*found.responses.values()],
+                sweeps=found.sweeps, criticals=found.criticals, te_source=_te_source(self.deck),
+                interrupted=found.interrupted)
+        with read_results(folder / RESULT_FILE, check=False) as results:
+            (folder / SUMMARY).write_text(summary_text(results), encoding="utf-8")
+        (folder / USED_DECK).write_text(text, encoding="utf-8")
+        return variables
 
+    def _draw(self, folder, crew):
+        """Figures, from the file alone; returns those not drawn, and why."""
+        from lapwing.plots import FigureError, draw_all
+        from lapwing.results import read_results
 
-def _interrupt(thread):
-    """Hand Ctrl-C, which only the main thread hears, on to another, and wait for its end."""
-    if thread.is_alive():
-        ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident),
-                                                   ctypes.py_object(KeyboardInterrupt))
-        thread.join()
-
-
-def _response(deck, study, order):
-    from lapwing.studies.response import response
-
-    return response(
-        deck.oscillator(study), deck.gear_pair, name=study.name, start=study.start,
-        phase=deck.numerics["start_phase"], settle_cycles=study.settle_cycles,
-        record_cycles=study.record_cycles, samples_per_cycle=study.samples_per_cycle,
-        exponents=study.exponents,
-        max_period=deck.numerics["max_period"], order=order,
-        brake_torque=study.operation["brake_torque"],
-        claim_impacts_per_cycle=study.claim_impacts_per_cycle,
-        claim_deepest_separation=study.claim_deepest_separation, claim_text=study.claim_text,
-        **deck.numerics_of(study))
-
-
-def _sweep(deck, study, threads, done):
-    from lapwing.studies.critical_of_deck import full_engagement
-    from lapwing.studies.sweep import sweep
-
-    observe = ("cycles", *["impacts"] * study.impacts, *["exponents"] * study.exponents,
-               *["speeds"] * study.speed_density, *["spectra"] * study.order_spectra)
-    result = sweep(
-        deck.gear_pair, deck.te, parameter=study.parameter, values=study.values,
-        starts=study.starts, settle=study.settle_cycles, record=study.record_cycles,
-        observe=observe, phase=deck.numerics["start_phase"], threads=threads, progress=done,
-        keep_interrupted=True, **deck.numerics_of(study), **study.operation)
-    result = result.assign_attrs(full_engagement(deck, study))
-    if not study.impacts:
-        return result
-    # Most of the room for impacts is empty, and is slow to be compressed.
-    return result.isel(impact=slice(0, max(1, int(result["n_impacts"].max()))))
-
-
-def _write(deck, folder, responses, criticals, sweeps):
-    from lapwing.results import write_results
-
-    write_results(
-        folder / RESULT_FILE, deck_name=deck.stem, deck_text=deck.text,
-        used_text=used_text(deck, folder), used_hash=used_hash(deck), pair=deck.gear_pair,
-        te=deck.te, osc=_reference_oscillator(deck), responses=responses, sweeps=sweeps,
-        criticals=criticals, te_source=_te_source(deck))
+        done = self.report("figures", 100, "%")
+        with read_results(folder / RESULT_FILE, check=False) as results:
+            try:
+                draw_all(results, folder, progress=done, crew=crew)
+            except FigureError as error:
+                probe(folder)  # a full disk is no matter of one figure
+                return error.failures
+        return {}
 
 
 def _te_source(deck):
@@ -288,61 +368,18 @@ def _reference_oscillator(deck):
     return deck.gear_pair.oscillator(deck.te, **operation)
 
 
-def _present(folder, crew, report):
-    """Summary and figures from the file alone; returns figures not drawn, and why."""
-    from lapwing.plots import FigureError, draw_all
-    from lapwing.results import read_results
-    from lapwing.summary import summary_text
-
-    done = report("figures", 100, "%")
-    with read_results(folder / RESULT_FILE) as results:
-        (folder / SUMMARY).write_text(summary_text(results), encoding="utf-8")
-        try:
-            draw_all(results, folder, progress=done, crew=crew)
-        except FigureError as error:
-            return error.failures
-    return {}
-
-
-def _failed(responses, criticals, sweeps):
-    """Names of the studies with a run that failed numerically."""
-    failed = [f"response {response.attrs['name']}" for response in responses
-              if int(response.attrs["status"]) != Status.OK]
-    for name, critical in criticals.items():
-        runs = int(critical["trial_failed"].sum()) if "trial_failed" in critical else 0
-        if runs:
-            failed.append(f"critical {name} ({runs} motions)")
-    for name, sweep in sweeps.items():
-        points = int(((sweep["status"] != Status.OK)
-                      & (sweep["status"] != Status.UNFINISHED)).sum())
-        if points:
-            failed.append(f"sweep {name} ({points} points)")
-    return tuple(failed)
-
-
-def _headlines(responses, criticals, sweeps):
-    """One line for each study."""
-    from lapwing.summary_critical import headline
-
-    lines = []
-    for response in responses:
-        attrs = response.attrs
-        lines.append(f"{attrs['name']}: {attrs['motion_class']}, "
-                     f"{attrs['impacts_per_cycle']:.4g} impacts per cycle, deepest separation "
-                     f"{1e6 * attrs['deepest_separation']:.4g} µrad")
-    lines += [f"{name}: {headline(critical)}" for name, critical in criticals.items()]
-    for name, sweep in sweeps.items():
-        done = int((sweep["status"] == Status.OK).sum())
-        lines.append(f"{name}: {done} of {sweep['status'].size} points")
-    return tuple(lines)
-
-
 def _read(path):
-    return path.read_text(encoding="utf-8") if path.exists() else ""
+    """A text file, as far as it can be read."""
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
 
 
 def plot_file(path, folder=None, threads=1):
     """Draw every figure of a result file, into its own folder unless another is named.
+
+    Files that are not the program's own are left as they are (docs/results.md).
 
     Parameters
     ----------
@@ -356,15 +393,39 @@ def plot_file(path, folder=None, threads=1):
 
     Raises
     ------
+    lapwing.results.DamagedFile
+        where the file's content is not what was written.
     lapwing.plots.FigureError
         where some figures could not be drawn; the others are there.
+    lapwing.results.store.StoreError
+        while a run writes into the folder.
     """
-    from lapwing.plots import draw_all
+    from lapwing.plots import FigureError, draw_all
     from lapwing.plots.crew import Crew
     from lapwing.results import read_results
 
     path = Path(path)
     folder = Path(folder) if folder else path.parent
     folder.mkdir(parents=True, exist_ok=True)
-    with read_results(path) as results, Crew(threads) as crew:
-        return draw_all(results, folder, crew=crew)
+    with read_results(path) as results, FolderLock(folder.resolve()):
+        aside = folder.resolve().parent / f".{folder.resolve().name}.drawing"
+        shutil.rmtree(aside, ignore_errors=True)
+        aside.mkdir()
+        failures = {}
+        try:
+            with Crew(threads) as crew:
+                try:
+                    draw_all(results, aside, crew=crew)
+                except FigureError as error:
+                    failures = error.failures
+            names = sorted(one.name for one in aside.iterdir())
+            own = _figure_names(path) if folder.resolve() == path.parent.resolve() else ()
+            taken = add_files(folder, aside, own)
+        finally:
+            shutil.rmtree(aside, ignore_errors=True)
+    written = [folder / name for name in names if name not in taken]
+    failures |= {Path(name).stem: f"another file is named {name}; it is left as it is"
+                 for name in taken}
+    if failures:
+        raise FigureError(written, failures)
+    return written

@@ -6,11 +6,17 @@ and keep what is finished.
 
 from __future__ import annotations
 
-import os
+import _thread
 import sys
 import threading
 from contextlib import contextmanager, suppress
+from functools import partial
 from signal import SIG_IGN, Signals, getsignal, raise_signal, signal
+
+try:
+    from signal import pthread_kill
+except ImportError:  # pragma: no cover - Windows
+    pthread_kill = None
 
 NAMES = ("SIGINT", "SIGTERM", "SIGUSR1")
 SIGNALS = tuple(Signals[name] for name in NAMES if name in Signals.__members__)
@@ -40,11 +46,14 @@ class _Ear:
         self.signum = None
         self.raised = False
 
-    def hear(self, signum, _frame=None):
+    def hear(self, signum, frame=None):
         """Signal handler: a signal after the first changes nothing."""
         if self.signum is None:
             self.signum = signum
-        self.raise_if_due()
+        if _importing(frame):
+            _later(self.signum)
+        else:
+            self.raise_if_due()
 
     def raise_if_due(self):
         """Raise what was heard, once, unless it is held."""
@@ -112,9 +121,16 @@ def held():
         _ear.raise_if_due()
 
 
+def ignore() -> None:
+    """From here on no signal stops this process; for its very end."""
+    if _in_main_thread():
+        for signum in SIGNALS:
+            signal(signum, SIG_IGN)
+
+
 def heard() -> int | None:
-    """The signal that was heard since the outermost `listen` began, or None."""
-    return _ear.signum
+    """The signal that was heard since the outermost `listen` began; None outside of any."""
+    return _ear.signum if _ear.listening else None
 
 
 def check() -> None:
@@ -128,14 +144,30 @@ def _in_main_thread():
     return threading.current_thread() is threading.main_thread()
 
 
+def _importing(frame):
+    """Whether a module is being loaded: an exception would leave it torn for good."""
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _later(signum):
+    """Let a signal come again."""
+    # A real signal where there is one: it also wakes what waits for a lock.
+    send = partial(pthread_kill, threading.main_thread().ident) if pthread_kill \
+        else _thread.interrupt_main
+    timer = threading.Timer(AGAIN, send, [signum])
+    timer.daemon = True
+    with suppress(RuntimeError):  # no thread to be had: `check` finds it
+        timer.start()
+
+
 def _once_more(lost, hook):
     """What a destructor or a callback raises goes nowhere: raise it again a little later."""
     if not isinstance(lost.exc_value, Stopped):
         hook(lost)
         return
     _ear.raised = False
-    # To the process: unlike `interrupt_main` it ends a wait, too.
-    timer = threading.Timer(AGAIN, os.kill, [os.getpid(), lost.exc_value.signum])
-    timer.daemon = True
-    with suppress(RuntimeError):  # no thread to be had: `check` finds it
-        timer.start()
+    _later(lost.exc_value.signum)

@@ -6,6 +6,8 @@ NUMBERS = {
         "1", "largest Lyapunov exponent per unit of tau = natural_frequency * t"),
     "lyapunov_exponent_error": (
         "1", "95 % half width, or of a periodic motion the change from one repetition to the next"),
+    "lyapunov_exponent_effective": (
+        "1", "independent mesh cycles that would tell as much of the exponent"),
     "lyapunov_exponent_per_cycle": ("1", "largest Lyapunov exponent per mesh cycle"),
     "second_lyapunov_exponent": (
         "1", "second Lyapunov exponent per unit of tau, -inf: lost in chatter or rest"),

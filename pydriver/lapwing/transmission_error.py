@@ -14,6 +14,8 @@ from functools import cached_property
 import numpy as np
 from numpy.polynomial import polynomial as power
 
+from lapwing import arguments
+from lapwing.arguments import LEAST, MOST
 from lapwing.harmonic_series import harmonic_derivative, harmonic_pieces
 from lapwing.transmission_error_file import TransmissionErrorFileError, read_columns
 
@@ -22,6 +24,10 @@ from lapwing.transmission_error_file import TransmissionErrorFileError, read_col
 _JOINT_TOLERANCE = 1e-9
 # Phases made from angles are good to about 1e-15; a row nearer to 1 than this sits at phase 0.
 _PHASE_ROUNDING = 1e-14
+# Of a harmonic series; a table has none but zeros beyond the fifth.
+MOST_DERIVATIVES = 20
+# The pieces of a table grow with the highest order.
+MOST_ORDER = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,16 +55,23 @@ class TransmissionError:
     te_sign_hint: str = "printed"
 
     def __post_init__(self):
-        for name, kind in (("knots", float), ("coefficients", float), ("kinks", bool)):
-            self._store(name, np.array(getattr(self, name), dtype=kind))
-        self._store("harmonics", np.array(self.harmonics, dtype=float).reshape(-1, 3))
+        # Coefficients of narrow pieces are large beyond any value of the table.
+        for name, ndim, largest in (("knots", 1, 1.0), ("coefficients", 2, 1e300)):
+            self._store(name, arguments.reals(name, getattr(self, name), ndim=ndim,
+                                              largest=largest))
+        self._store("kinks", _flags("kinks", self.kinks))
+        harmonics = arguments.reals("harmonics", self.harmonics, empty=True)
+        if harmonics.size % 3:
+            raise ValueError("harmonics: expected is an (m, 3) array")
+        self._store("harmonics", harmonics.reshape(-1, 3))
+        arguments.choice("te_sign_hint", self.te_sign_hint, ("printed", "geometric"))
         n = self.knots.size - 1
-        if self.knots.ndim != 1 or self.coefficients.shape != (n, 6) or self.kinks.shape != (n,):
+        if self.coefficients.shape != (n, 6) or self.kinks.shape != (n,):
             raise ValueError("shapes must be knots (n+1,), coefficients (n, 6), kinks (n,)")
         if self.knots[0] != 0 or self.knots[-1] != 1 or not np.all(np.diff(self.knots) > 0):
             raise ValueError("knots must ascend strictly from 0 to 1")
-        if not np.all(np.isfinite(self.coefficients)):
-            raise ValueError("coefficients must be finite")
+        if not self.magnitude <= MOST:
+            raise ValueError(f"coefficients give values beyond {MOST:g} rad")
         self._check_joint(0, np.zeros(n, dtype=bool), "value")
         self._check_joint(1, self.kinks, "slope (and the knot is not marked as a kink)")
 
@@ -79,11 +92,7 @@ class TransmissionError:
             raise ValueError(f"the {what} jumps at phase {self.knots[:-1][wrong].tolist()}")
 
     def _locate(self, phase, side):
-        if side not in ("left", "right"):
-            raise ValueError(f"side must be 'left' or 'right', not {side!r}")
-        phase = np.asarray(phase, dtype=float)
-        if not np.all(np.isfinite(phase)):
-            raise ValueError("phase must be finite")
+        arguments.choice("side", side, ("left", "right"))
         seam, same = (0.0, 1.0) if side == "left" else (1.0, 0.0)
         phase = np.mod(phase, 1.0)
         phase = np.where(phase == seam, same, phase)
@@ -95,7 +104,7 @@ class TransmissionError:
 
         Parameters
         ----------
-        order : int, not negative
+        order : int, 0 to 20
         phase : float or array, mesh periods; any finite number, taken modulo 1
         side : 'right' or 'left', which limit to take at a knot
 
@@ -106,15 +115,21 @@ class TransmissionError:
         Raises
         ------
         ValueError
-            Negative order, unknown side, phase not finite.
+            Order out of range, unknown side, phase not finite (TypeError where one is no number).
         """
+        order = arguments.whole("order", order, 0, MOST_DERIVATIVES)
+        phase = arguments.reals("phase", phase, empty=True)
         if len(self.harmonics):
+            arguments.choice("side", side, ("left", "right"))
             return harmonic_derivative(self.harmonics, order, np.mod(phase, 1.0))
         return self.table_derivative(order, phase, side)
 
     def table_derivative(self, order, phase, side="right"):
         """As `derivative`, from the table also where there is a harmonic series behind it."""
-        piece, offset = self._locate(phase, side)
+        order = arguments.whole("order", order, 0, MOST_DERIVATIVES)
+        piece, offset = self._locate(arguments.reals("phase", phase, empty=True), side)
+        if order > 5:
+            return np.zeros(piece.shape)
         local = power.polyder(self.coefficients[piece], order, axis=-1)
         return power.polyval(offset, np.moveaxis(local, -1, 0), tensor=False)
 
@@ -136,12 +151,28 @@ class TransmissionError:
         return np.where(self.kinks, self.slope(at, "right") - self.slope(at, "left"), 0.0)
 
     @cached_property
+    def magnitude(self):
+        """Largest single term of the table's polynomials on their pieces, rad."""
+        terms = np.abs(self.coefficients) * np.diff(self.knots)[:, None] ** np.arange(6)
+        return float(terms.max())
+
+    @cached_property
     def extrema(self):
-        """Least and greatest value (rad), from the roots of each piece's derivative."""
+        """Least and greatest value (rad), from the roots of derivatives.
+
+        Only pieces that may pass all knots are searched: a polynomial lies between the least and
+        the greatest of its Bernstein coefficients.
+        """
+        scaled = self.coefficients * np.diff(self.knots)[:, None] ** np.arange(6)
+        bounds = scaled @ _TO_BERNSTEIN.T
+        # What the sums above may be wrong by.
+        slack = 64 * np.finfo(float).eps * np.abs(scaled).sum(axis=1)
+        ends = bounds[:, [0, -1]]
+        low, high = float(ends.min()), float(ends.max())
+        searched = (bounds.min(axis=1) - slack < low) | (bounds.max(axis=1) + slack > high)
         low, high = math.inf, -math.inf
-        for width, piece in zip(np.diff(self.knots), self.coefficients, strict=True):
-            scaled = piece * width ** np.arange(6)
-            values = power.polyval(stationary_points(scaled), scaled)
+        for piece in scaled[searched | (np.arange(len(scaled)) == 0)]:
+            values = power.polyval(stationary_points(piece), piece)
             low, high = min(low, float(values.min())), max(high, float(values.max()))
         return low, high
 
@@ -170,7 +201,8 @@ class TransmissionError:
         from scipy.interpolate import CubicHermiteSpline
 
         slope_right = slope_left if slope_right is None else slope_right
-        phase, value, left, right = _rows(phase, value, slope_left, slope_right)
+        phase, value, left, right = _rows(
+            ("phase", "value", "slope_left", "slope_right"), phase, value, slope_left, slope_right)
         width = np.diff(phase, append=phase[0] + 1)
         unit = CubicHermiteSpline([0, 1], np.stack([value, np.roll(value, -1)]),
                                   np.stack([right * width, np.roll(left, -1) * width]))
@@ -197,8 +229,10 @@ class TransmissionError:
         """
         from scipy.interpolate import CubicSpline
 
-        kinks = np.zeros(np.size(phase)) if np.size(kinks) == 0 else kinks
-        phase, value, flags = _rows(phase, value, kinks)
+        phase = arguments.reals("phase", phase, ndim=1)
+        kinks = arguments.reals("kinks", _numbers(kinks), ndim=1, empty=True)
+        kinks = np.zeros(phase.size) if kinks.size == 0 else kinks
+        phase, value, flags = _rows(("phase", "value", "kinks"), phase, value, kinks)
         if not np.all((flags == 0) | (flags == 1)):
             raise ValueError("kinks must be 0 or 1 for every row")
         n, starts = phase.size, np.flatnonzero(flags)
@@ -233,14 +267,18 @@ class TransmissionError:
         """
         from scipy.interpolate import BPoly, PPoly
 
-        amplitudes = np.atleast_1d(np.asarray(amplitudes, dtype=float))
-        shifts = np.zeros(amplitudes.size) if shifts is None else np.atleast_1d(shifts)
-        orders = np.arange(1, amplitudes.size + 1) if orders is None else np.atleast_1d(orders)
+        amplitudes = arguments.reals("amplitudes", amplitudes, ndim=1)
+        shifts = np.zeros(amplitudes.size) if shifts is None else \
+            arguments.reals("shifts", shifts, ndim=1)
+        orders = np.arange(1.0, amplitudes.size + 1) if orders is None else \
+            arguments.reals("orders", orders, ndim=1)
         if not amplitudes.shape == shifts.shape == orders.shape or amplitudes.ndim != 1:
             raise ValueError("amplitudes, shifts and orders must have the same length")
+        if np.any((amplitudes != 0) & (np.abs(amplitudes) < LEAST)):
+            raise ValueError(f"amplitudes must be 0 or at least {LEAST:g} rad in magnitude")
         series = np.column_stack([orders, amplitudes, shifts]).astype(float)
-        if not np.all(np.isfinite(series)) or np.any((orders < 0) | (orders % 1 != 0)):
-            raise ValueError("orders must be whole numbers >= 0, all numbers finite")
+        if np.any((orders < 0) | (orders > MOST_ORDER) | (orders % 1 != 0)):
+            raise ValueError(f"orders must be whole numbers from 0 to {MOST_ORDER}")
         n = harmonic_pieces(series)
         knots = np.arange(n + 1) / n
         rows = np.stack([harmonic_derivative(series, k, knots % 1) for k in range(3)], axis=1)
@@ -250,6 +288,7 @@ class TransmissionError:
     @classmethod
     def parabola(cls, amplitude):
         """Δφ = -4·amplitude·(phase - ½)², kinked at phase 0; amplitude (rad) > 0: cusp down."""
+        amplitude = arguments.real("amplitude", amplitude)
         return cls.from_hermite([0.0], [-amplitude], [-4 * amplitude], [4 * amplitude])
 
     @classmethod
@@ -271,10 +310,17 @@ class TransmissionError:
         ValueError
             Rows out of order, more than one period, or ends of the period that do not meet.
         """
-        pinion, gear = (np.asarray(a, dtype=float) for a in (pinion_angle, gear_angle))
+        pinion = arguments.reals("pinion_angle", pinion_angle, ndim=1)
+        gear = arguments.reals("gear_angle", gear_angle, ndim=1)
+        pinion_teeth = arguments.whole("pinion_teeth", pinion_teeth, 1)
+        gear_teeth = arguments.whole("gear_teeth", gear_teeth, 1)
+        reference = arguments.reals("reference", reference, ndim=1)
+        if reference.size != 2:
+            raise ValueError("reference: expected are two angles")
         ascending = pinion.ndim == 1 and pinion.size > 1 and np.all(np.diff(pinion) > 0)
         if pinion.shape != gear.shape or not ascending:
-            raise ValueError("two equally long rows of angles are meant, pinion angle ascending")
+            raise ValueError("pinion_angle and gear_angle: expected are two equally long rows, "
+                             "pinion_angle ascending")
         turn = pinion - reference[0]
         error = (gear - reference[1]) - pinion_teeth / gear_teeth * turn
         phase = pinion_teeth * turn / (2 * math.pi)
@@ -313,6 +359,12 @@ class TransmissionError:
         OSError
             The file cannot be opened.
         """
+        arguments.path("path", path)
+        for name, teeth in (("pinion_teeth", pinion_teeth), ("gear_teeth", gear_teeth)):
+            if teeth is not None:
+                arguments.whole(name, teeth, 1)
+        if arguments.reals("reference", reference, ndim=1).size != 2:
+            raise ValueError("reference: expected are two angles")
         columns, problems = read_columns(path, pinion_teeth, gear_teeth)
         if problems:
             raise TransmissionErrorFileError(path, problems)
@@ -326,6 +378,10 @@ class TransmissionError:
             return cls.from_hermite(phase, value, *columns.values())
         except ValueError as error:
             raise TransmissionErrorFileError(path, [(0, 0, str(error))]) from error
+
+
+# Bernstein coefficients on [0, 1] of degree 5 from ascending powers: b_i = sum_k C(i,k)/C(5,k) c_k.
+_TO_BERNSTEIN = np.array([[math.comb(i, k) / math.comb(5, k) for k in range(6)] for i in range(6)])
 
 
 def stationary_points(coefficients):
@@ -351,13 +407,29 @@ def stationary_points(coefficients):
     return np.concatenate([[0.0, 1.0], np.clip(roots, 0.0, 1.0)])
 
 
-def _rows(phase, *columns):
+def _numbers(flags):
+    """Flags as numbers; True and False are 1 and 0 here."""
+    try:
+        array = np.asanyarray(flags)
+    except ValueError:  # rows of several lengths, which the converter refuses by name
+        return flags
+    return array.astype(float) if array.dtype == bool else flags
+
+
+def _flags(name, value):
+    """A new array of True and False, from these or from 1 and 0."""
+    numbers = arguments.reals(name, _numbers(value), ndim=1)
+    if not np.all((numbers == 0) | (numbers == 1)):
+        raise ValueError(f"{name} must be True or False for every piece")
+    return numbers == 1
+
+
+def _rows(names, phase, *columns):
     """The rows of a table as equally long finite float arrays, phase ascending in [0, 1)."""
-    rows = [np.atleast_1d(np.array(c, dtype=float)) for c in (phase, *columns)]
-    if any(row.shape != rows[0].shape or row.ndim != 1 for row in rows) or not rows[0].size:
-        raise ValueError("rows must be equally long one-dimensional arrays, not empty")
-    if not np.all(np.isfinite(rows)):
-        raise ValueError("all numbers must be finite")
+    rows = [arguments.reals(name, column, ndim=1) for name, column in
+            zip(names, (phase, *columns), strict=True)]
+    if any(row.shape != rows[0].shape for row in rows):
+        raise ValueError(f"{', '.join(names)} must be equally long")
     if rows[0][0] < 0 or rows[0][-1] >= 1 or not np.all(np.diff(rows[0]) > 0):
         raise ValueError("phase must ascend strictly in [0, 1); the row at phase 1 is left out")
     return rows

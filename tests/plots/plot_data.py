@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from helpers import PAIR, SHIPPED, scene_a, scene_d
+from helpers import PAIR, SHIPPED, as_in_a_deck, scene_a, scene_d
 from lapwing import (
     StartGrid,
     TransmissionError,
@@ -46,12 +46,14 @@ def make_sweeps():
                "observe": ("cycles", "impacts", "exponents", "speeds", "spectra")}
     speed = {key: options[key] for key in ("settle", "record", "impact_law")}
     return {
-        "torque": sweep(PAIR, SHIPPED, values=np.linspace(1, 14, 14), **impacts, **options),
-        "failed": sweep(PAIR, SHIPPED, values=[1.0, 12.0, 14.0], max_events_per_cycle=2,
-                        **impacts, **options),
+        "torque": as_in_a_deck(sweep(PAIR, SHIPPED, values=np.linspace(1, 14, 14), **impacts,
+                                     **options)),
+        "failed": as_in_a_deck(sweep(PAIR, SHIPPED, values=[1.0, 12.0, 14.0],
+                                     max_events_per_cycle=2, **impacts, **options)),
         "speed": sweep(PAIR, SHIPPED, parameter="pinion_speed_rpm", brake_torque=3.3,
                        values=[100, 200, 400], **impacts, **speed),
-        "plain": sweep(PAIR, SHIPPED, values=[5.0, 14.0], starts=("rest",), **options)}
+        "plain": as_in_a_deck(sweep(PAIR, SHIPPED, values=[5.0, 14.0], starts=("rest",),
+                                    **options))}
 
 
 def make_criticals():

@@ -106,6 +106,17 @@ def test_the_bracket_of_a_search_is_shown(results):
     assert low < critical.rattling < critical.clean < high < 13
 
 
+def test_the_step_of_a_search_goes_through_every_value_tried_from_all_starts(results):
+    critical = results.critical("safe")
+    axis = draw("critical_search", critical, results.gear_pair).axes[0]
+    step, = (line for line in axis.lines if line.get_drawstyle() == "steps-mid")
+    shown = dict(zip(*(column.tolist() for column in step.get_data()), strict=True))
+    squares, = (line for line in axis.lines if line.get_marker() == "s")
+    for value, share in squares.get_xydata():
+        assert shown[value] == share
+    assert max(shown) == 13 and min(shown) <= 12
+
+
 def test_critical_values_are_marked_on_a_sweep(results):
     marks = marks_of([results.critical(name) for name in results.criticals], "brake_torque")
     # Not the search at another speed, and none that found nothing.

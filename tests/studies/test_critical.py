@@ -16,7 +16,7 @@ from lapwing.studies import critical_safe as safe_module
 from lapwing.studies.critical_of_deck import critical_study
 from lapwing.studies.critical_safe import SafeSearch
 from lapwing.studies.critical_starts import Fates, fitted, start_grid
-from lapwing.studies.trajectory import check_start
+from lapwing.studies.trajectory import checked_start
 
 ABSOLUTE = {"pinion_speed_rpm": 240, "impact_law": "absolute"}
 SMALL = {"starts": StartGrid(2, 2, 2), "settle": 60, "record": 20, **ABSOLUTE}
@@ -98,7 +98,7 @@ def test_starts_agree_with_their_states(name):
     assert starts[0] == (REST, 0.0, 0.0, 0.3)
     for state, phi, phi_dot, phase in starts[1:]:
         assert 0 <= phase < 1
-        check_start(osc, (state, phi, phi_dot), phase)
+        checked_start(osc, (state, phi, phi_dot), phase)
 
 
 def test_carried_starts_fit_a_narrower_gap():
@@ -109,7 +109,7 @@ def test_carried_starts_fit_a_narrower_gap():
                          ((1.0, 0.5, 0.1, 0.2), (1.0, 0.5, 0.1, 0.2))):
         assert fitted(narrow, start) == meant
         if meant[0] != REST:
-            check_start(narrow, meant[:3], 0.2)
+            checked_start(narrow, meant[:3], 0.2)
 
 
 # --- the search for the last rattling ---------------------------------------------------------
@@ -249,8 +249,11 @@ def test_cycles_are_counted_as_a_sweep_counts_them(back):
 
 
 def test_the_bound_is_the_exact_poisson_limit(back):
-    for k, n, bound in zip(back.trial_back_cycles.values, back.trial_cycles.values,
-                           back.trial_rate_bound.values, strict=True):
+    """Of bursts: one that lasts several cycles counts once."""
+    seen, burst = back.trial_back_cycles.values, back.trial_bursts.values
+    assert np.all(burst <= seen) and np.all((burst > 0) == (seen > 0)) and np.any(burst < seen)
+    for k, n, bound in zip(burst, back.trial_cycles.values, back.trial_rate_bound.values,
+                           strict=True):
         # At the limit, so few or fewer would be seen in 1 of 10 cases.
         assert poisson.cdf(k, bound * n) == pytest.approx(0.1, rel=1e-9)
     assert back.rate_bound == pytest.approx(-math.log(0.1) / 450)

@@ -10,7 +10,7 @@ from lapwing import EventKind, MotionState
 from lapwing.engine import Numerics
 from lapwing.studies.motion import (
     SHARES,
-    fastest_impacts,
+    fastest_arrivals,
     impact_attributes,
     motion_attributes,
     shares_of_time,
@@ -40,7 +40,7 @@ def test_shares_of_a_made_up_log():
 
 def test_speeds_and_energies_of_a_made_up_log():
     log = rows((EventKind.IMPACT, 0, 2.0, 1.0, -0.5), (EventKind.BACK_IMPACT, 2, 1.0, -3.0, 1.0))
-    assert fastest_impacts(log, 3, 10.0).tolist() == [10.0, 0.0, 30.0]
+    assert fastest_arrivals(log, 3, 10.0, "restitution").tolist() == [10.0, 0.0, 30.0]
     osc = oscillator(force=2.0)
     found = impact_attributes(osc, PAIR, log, 7.0)
     assert found["impact_speed_mean"] == pytest.approx(2 * PAIR.natural_frequency, rel=4 * EPS)

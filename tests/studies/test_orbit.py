@@ -1,13 +1,14 @@
 """Newton on the stroboscopic map: period doubling of the bouncing ball and its cascade, exact."""
 
 import math
+import pickle
 
 import numpy as np
 import pytest
 
 from helpers import ball, ball_start, oscillator
 from lapwing import MotionState
-from lapwing.studies.orbit import NoOrbit, cascade, find_orbit, period_doubling
+from lapwing.studies.orbit import NoOrbit, cascade, find_orbit, follow, period_doubling
 
 LAWS = ("restitution", "rigid")
 # Γ_PD = √([nπ(1-ε)/(1+ε)]² + [2(1+ε²)/(1+ε)²]²) for n = 1.
@@ -74,3 +75,31 @@ def test_no_orbit_is_said_so():
 def test_a_start_that_contradicts_itself_is_no_orbit():
     with pytest.raises(NoOrbit, match="in another motion state"):
         find_orbit(oscillator(), (MotionState.SEPARATION, 1.0, 0.0))
+
+
+def test_a_motion_that_is_lost_says_why_and_where():
+    """The ball's orbit ends in a saddle-node at Γ = 0.3π/1.7 for ε = 0.7."""
+    end = math.pi * 0.3 / 1.7
+    values = np.linspace(1.1 * end, 0.9 * end, 9)
+    found = follow(lambda gamma: ball(gamma, 0.7), values, ball_start(values[0], 0.7))
+    assert 0 < len(found) < len(values)
+    lost = values[len(found)]
+    assert f"at parameter value {lost:.10g}" in found.lost
+    assert "no motion of 1 mesh cycles found" in found.lost
+
+
+def test_a_motion_followed_to_the_end_is_not_lost():
+    values = [0.9, 0.91]
+    found = follow(lambda gamma: ball(gamma, 0.7), values, ball_start(values[0], 0.7))
+    assert len(found) == 2
+    assert found.lost is None
+
+
+def test_no_orbit_names_the_parameter():
+    end = math.pi * 0.3 / 1.7
+    with pytest.raises(NoOrbit, match=r"at parameter value 0\.\d+: no motion") as caught:
+        period_doubling(lambda gamma: ball(gamma, 0.7), 0.9 * end, 0.95 * end,
+                        ball_start(1.1 * end, 0.7))
+    assert caught.value.value == 0.9 * end
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert (str(again), again.value) == (str(caught.value), caught.value.value)

@@ -14,7 +14,6 @@ from lapwing.engine import Numerics, TrajectoryCall, Wanted
 from lapwing.studies.orbit import find_orbit, flip_distance, follow, settled_state
 from lapwing.studies.stability import (
     CycleMaps,
-    batch_error,
     defects,
     exponents,
     growth,
@@ -265,14 +264,6 @@ def test_small_multipliers_keep_their_digits():
     found = multipliers(maps)
     assert found.values[1].real == pytest.approx(1e-40, rel=1e-13)
     assert found.exponents[1] == pytest.approx(-20 * math.log(10), rel=1e-14)
-
-
-def test_batch_error_covers_the_mean_of_noise():
-    values = np.random.default_rng(5).normal(size=(400, 1600))
-    covered = np.mean([abs(row.mean()) <= batch_error(row) for row in values])
-    # 95 % of 400, ± three standard deviations of a count of that size.
-    assert covered == pytest.approx(0.95, abs=3 * math.sqrt(0.05 * 0.95 / 400))
-    assert math.isnan(batch_error(np.zeros(20)))
 
 
 @pytest.mark.parametrize("beyond", [1e-3, 1e-5, 1e-8, 1e-10])

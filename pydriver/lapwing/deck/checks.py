@@ -13,6 +13,7 @@ from lapwing.deck.ranges import range_values
 from lapwing.deck.te_table import file_table, flat, formula_table
 from lapwing.gear_pair import GearPair
 from lapwing.oscillator import ParameterError
+from lapwing.start import start_problem
 
 
 def assemble(path, text, overrides, readers, report):
@@ -40,7 +41,7 @@ def assemble(path, text, overrides, readers, report):
     built = {name: tuple(builder.build(reader) for reader in studies if reader.name == name)
              for name in schema.STUDIES}
     _check_names(studies, report)
-    if report.errors:
+    if report.refusals:
         return None
     settings |= {name: [reader.keys for reader in studies if reader.name == name]
                  for name in schema.STUDIES}
@@ -236,14 +237,11 @@ class Studies:
                                                "coast flank to rest on")
             return
         state, phi, _ = start
-        depth = -oscillator.gap_width
-        if not oscillator.back_flank_te:
-            phase = self._settings["numerics"].start_phase
-            depth -= oscillator.flank_scale * float(oscillator.te.value(phase))
-        meant = _meant_start(state, phi, depth, oscillator.contact_law)
-        if meant:
+        numerics = self._settings["numerics"]
+        problem = start_problem(oscillator, state, phi, numerics.start_phase if numerics else 0.0)
+        if problem:
             self._report.add(reader.places["start_phi"],
-                             f"start_phi = {phi:g} contradicts start = '{state}': {meant}")
+                             f"start_phi = {phi:g} contradicts start = '{state}': {problem}")
 
     def oscillator(self, reader, pair, operation):
         """The oscillator, or None: what is missing is said here, the rest by the driver."""
@@ -325,7 +323,7 @@ class Studies:
             pair, at = self._pair, operation
             if group == "operation":
                 at = {**operation, name: value}
-            elif self._report.errors:
+            elif self._report.refusals:
                 return
             else:
                 pair = replace(pair, **{name: value})
@@ -340,16 +338,3 @@ class Studies:
 def _given(keys, names):
     """Those of the named keys that are not None."""
     return {name: getattr(keys, name) for name in names if getattr(keys, name) is not None}
-
-
-def _meant_start(state, phi, depth, contact_law):
-    """What a start in `state` would have to be, or None where it is."""
-    if state == "separation" and not depth <= phi <= 0:
-        return f"separation lies between {depth:.6g} and 0"
-    if state == "engagement" and (phi < 0 or (contact_law == "rigid" and phi > 0)):
-        return "engagement means phi >= 0 (rigid: phi = 0)"
-    if state == "back_engagement" and depth == -float("inf"):
-        return "there is no coast flank (gap = 'one_flank')"
-    if state == "back_engagement" and phi > depth:
-        return f"back engagement means phi <= {depth:.6g}"
-    return None

@@ -155,6 +155,11 @@ class Deck:
         """File name without its ending."""
         return self.path.stem
 
+    @property
+    def title(self):
+        """The stem as text: what is no UTF-8 in it is written as an escape."""
+        return self.stem.encode("utf-8", "backslashreplace").decode()
+
     @cached_property
     def te(self):
         """The `TransmissionError`, built (and SciPy imported) at the first use."""

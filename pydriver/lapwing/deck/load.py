@@ -7,7 +7,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from lapwing.deck import checks, schema
-from lapwing.deck.parser import Entry, Group, lex_value, parse, read_text
+from lapwing.deck.parser import Entry, Group, excess_of, lex_value, parse, read_deck
 from lapwing.deck.problems import DeckError, Place, Report, nearest
 from lapwing.deck.values import (
     Bare,
@@ -18,6 +18,7 @@ from lapwing.deck.values import (
     suspicious_pairs,
     thousands,
 )
+from lapwing.messages import cut
 
 # Tokens that no value consists of.
 _NO_VALUE = ("OPEN", "CLOSE", "KEY", "EQUALS", "HASH")
@@ -42,7 +43,7 @@ def load_deck(path, overrides=()):
         with every problem of the deck, of the overrides and of the file of the transmission error.
     """
     report = Report()
-    text = read_text(path, report)
+    text = read_deck(path, report)
     if text is None:
         raise DeckError(report.errors)
     groups = _known_groups(parse(text, str(path), report), report)
@@ -50,7 +51,7 @@ def load_deck(path, overrides=()):
         _override(groups, name, value, report)
     read = [_GroupReader(group, report) for group in groups]
     deck = checks.assemble(Path(path), text, tuple(map(tuple, overrides)), read, report)
-    if report.errors:
+    if report.refusals:
         raise DeckError(report.errors)
     return deck
 
@@ -75,7 +76,7 @@ def _override(groups, name, value, report):
     """Put one override into its group."""
     source = f"--set {name}={value}"
     source = source if source.isprintable() else ascii(source)
-    place = Place(source)
+    place = Place(cut(source, 200))
     group_name, _, rest = name.strip().lower().partition(".")
     study, _, key = rest.rpartition(".")
     if group_name not in schema.GROUPS or not key:
@@ -88,9 +89,13 @@ def _override(groups, name, value, report):
     if key in group.entries and group.entries[key].override is not None:
         report.add(place, f"{name} is given twice on the command line")
         return
-    words = lex_value(value, source)
+    excess = excess_of(value)
+    if excess:
+        report.add(place, excess[1])
+        return
+    words = lex_value(value, place.file)
     if not value.isprintable() or any(word.kind in _NO_VALUE for word in words):
-        report.add(place, f"{value!r} is no value")
+        report.add(place, f"{cut(value)!r} is no value")
         return
     group.entries[key] = Entry(key, place, words, override=value)
 
@@ -138,12 +143,12 @@ class _GroupReader:
         model = schema.GROUPS[group.name]
         self._fields = schema.fields(model)
         self._types = {key: schema.KeyType(field) for key, field in self._fields.items()}
-        known = len(report.errors)
+        known = report.refusals
         raw = {key: value for entry in group.entries.values()
                for key, value in self._read(entry)}
         self._check_exclusive(model)
         self.keys = self._validate(model, raw)
-        if len(report.errors) > known:
+        if report.refusals > known:
             self.keys = None
 
     def _read(self, entry):
@@ -155,7 +160,7 @@ class _GroupReader:
             homes = [name for name, group in schema.GROUPS.items()
                      if entry.key in schema.fields(group)]
             hint = f"it belongs to &{homes[0]}" if homes else nearest(entry.key, self._fields)
-            self._report.add(entry.place, f"unknown key {entry.key[:60]} in &{self.name}; {hint}")
+            self._report.add(entry.place, f"unknown key {cut(entry.key)} in &{self.name}; {hint}")
             return
         values = read_values(entry, self._report)
         if values is None:
@@ -174,7 +179,7 @@ class _GroupReader:
             self._refuse_several(entry.key, values, kind)
 
     def _refuse_several(self, key, values, kind):
-        source = ", ".join(value.text for value in values[:4])
+        source = ", ".join(cut(value.text) for value in values[:4])
         numeric = kind.kind in (float, int)
         place, whole = values[0].place, thousands(values) if numeric else None
         comma = decimal_comma(values) if len(values) == 2 and kind.kind is float else None
@@ -182,9 +187,9 @@ class _GroupReader:
             text = (f"{key} = {values[0].text},{values[1].text}: decimal comma; write {comma}"
                     + f", or {whole} if thousands are meant" * bool(whole))
         elif numeric and [isinstance(value.value, Bare) for value in values[:2]] == [False, True]:
-            first, rest = values[0].text, " ".join(value.text for value in values[1:])
+            first, rest = values[0].text, " ".join(value.text for value in values[1:9])
             place = values[1].place
-            text = f"{key} = {first} {rest[:40]}: {_after_number(first, rest, kind)}"
+            text = f"{key} = {cut(first)} {cut(rest)}: {_after_number(first, rest, kind)}"
         else:
             text = (f"{key} = {source}: {kind.meant} is meant, not several values"
                     + f"; write {whole} if thousands are meant" * bool(whole))
@@ -244,8 +249,8 @@ class _GroupReader:
         values = self._values[key]
         kind = self._types[key]
         if item["type"] in ("too_long", "too_short"):
-            self._report.add(values[0].place, f"{key} has {len(values)} values; at most "
-                                              f"{self._longest(key)} are meant")
+            self._report.add(values[0].place, f"{key} has {len(values)} values; "
+                                              f"expected at most {self._longest(key)}")
             return
         index = item["loc"][1] if len(item["loc"]) > 1 else 0
         value = values[index]
@@ -253,7 +258,7 @@ class _GroupReader:
         meant = f"{kind.meant} is meant" + f"; {remark}" * bool(remark)
         if kind.kind is str and not kind.choices and isinstance(value.value, str):
             meant = _text_limits(value.value, self._fields[key])
-        self._report.add(value.place, f"{key} = {value.text[:60]}, {meant}")
+        self._report.add(value.place, f"{key} = {cut(value.text, 60)}, {meant}")
 
     def _longest(self, key):
         return next(n.max_length for n in self._fields[key].metadata if hasattr(n, "max_length"))
@@ -269,7 +274,7 @@ def _quoted(value, kind):
 def _remark(value, kind):
     """A guess at what was meant."""
     if kind.kind is str and isinstance(value.value, Bare | bool):
-        return f"text goes in quotes: '{value.text}'"
+        return f"text goes in quotes: '{cut(value.text)}'"
     if kind.choices and isinstance(value.value, str):
         guess = nearest(value.value, kind.choices)
         return guess if guess.endswith("?") else ""
@@ -284,7 +289,7 @@ def _remark(value, kind):
 def _after_number(number, rest, kind):
     """What to write for `9 kN`: only where the text is the key's own unit does the number stand."""
     if kind.unit and rest.strip() == kind.unit:
-        return f"text after a number; the unit is fixed ({kind.unit}), write {number} alone"
+        return f"text after a number; the unit is fixed ({kind.unit}), write {cut(number)} alone"
     if not kind.unit:
         return "text after a number; this key has no unit, a number alone is meant"
     unit = f"the unit {kind.unit}" if kind.unit.startswith("of ") else kind.unit

@@ -8,8 +8,15 @@ from functools import cache
 from pathlib import Path
 
 from lapwing.deck.problems import Place
+from lapwing.deck.values import MAX_LIST
+from lapwing.messages import cut
+from lapwing.text_file import TextFileError, read_text
 
-_BYTE_ORDER_MARKS = ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
+MAX_BYTES = 4_000_000
+MAX_COUNTS = {"groups": 1000, "keys": 10_000, "words": 200_000}
+# The tokens of the grammar as far as counting them needs.
+_ROUGH = re.compile(r"""![^\n]*|(?P<groups>[&$](?!end\b))|(?P<keys>=)|(?P<words>'(?:[^'\n]|'')*'|
+    "(?:[^"\n]|"")*"|[^\s,!=&$]+)""", re.IGNORECASE | re.VERBOSE)
 
 
 @dataclass(frozen=True)
@@ -50,25 +57,40 @@ def _parser():
     return Lark(grammar, parser="lalr", lexer="basic", maybe_placeholders=False)
 
 
-def read_text(path, report):
-    """Text of a deck file, lines ended by newlines, no byte-order mark; None where it has none."""
+def read_deck(path, report):
+    """Text of a deck file; None where it has none, or one too large to be parsed."""
     try:
-        if not Path(path).is_file():
-            raise FileNotFoundError(2, "no such file")
-        data = Path(path).read_bytes()
+        text = read_text(path, MAX_BYTES, "no deck needs more")
+    except TextFileError as error:
+        report.add(Place(str(path), error.line, error.column), error.text)
     except (OSError, ValueError) as error:
-        report.add(Place(str(path)), f"cannot be read: {getattr(error, 'strerror', error)}")
-        return None
-    encoding = next((name for mark, name in _BYTE_ORDER_MARKS if data.startswith(mark)), "utf-8")
-    try:
-        text = data.decode(encoding)
-    except UnicodeDecodeError as error:
-        before = data[:error.start].decode("latin-1")
-        place = Place(str(path), before.count("\n") + 1, len(before) - before.rfind("\n"))
-        report.add(place, f"not {encoding.upper()} text (byte 0x{data[error.start]:02x}); "
-                          "save the file as UTF-8")
-        return None
-    return text.lstrip("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
+        reason = getattr(error, "strerror", None) or error
+        report.add(Place(str(path)), f"cannot be read: {reason}")
+    else:
+        excess = excess_of(text)
+        if excess is None:
+            return text
+        at, words = excess
+        report.add(Place(str(path), text.count("\n", 0, at) + 1, at - text.rfind("\n", 0, at)),
+                   words)
+    return None
+
+
+def excess_of(text):
+    """(position, what is wrong) where a text passes a limit, else None; parsing costs more."""
+    counts = dict.fromkeys(MAX_COUNTS, 0)
+    in_list = 0
+    for found in _ROUGH.finditer(text):
+        kind = found.lastgroup
+        if kind is None:
+            continue
+        in_list = in_list + 1 if kind == "words" else 0
+        counts[kind] += 1
+        if in_list > MAX_LIST + 1:  # the next key may stand last
+            return found.start(), f"more values in a list than expected (at most {MAX_LIST})"
+        if counts[kind] > MAX_COUNTS[kind]:
+            return found.start(), f"expected at most {MAX_COUNTS[kind]} {kind} in a deck"
+    return None
 
 
 def parse(text, file, report):
@@ -83,9 +105,9 @@ def parse(text, file, report):
         if not group[1]:
             where = f"before &{following[0].name} on line {following[0].place.line}" \
                 if following else "at the end"
-            report.add(group[0].place, f"&{group[0].name} is not closed; a / is meant {where}")
+            report.add(group[0].place, f"&{group[0].name} is not closed; expected a / {where}")
     if not groups:
-        report.add(origin, "holds no group; &gear_pair is meant to come first")
+        report.add(origin, "holds no group; expected &gear_pair first")
     return [group for group, _ in groups]
 
 
@@ -105,8 +127,8 @@ def _group(tree, file, report):
     head = _word(tree.children[0], file)
     name = _lower(head.text[1:].strip())
     if not re.fullmatch(r"&\w+", head.text):
-        report.add(head.place, f"{head.text.strip()}: a group begins with & and its name, as in "
-                               "&gear_pair")
+        report.add(head.place, f"{cut(head.text.strip())}: a group begins with & and its name, "
+                               "as in &gear_pair")
     group, closed = Group(name, head.place), False
     for child in tree.children[1:]:
         if not hasattr(child, "data"):
@@ -116,7 +138,7 @@ def _group(tree, file, report):
         elif child.data == "stray":
             word = _word(child.children[0], file)
             _refuse_hash(word, report) or report.add(
-                word.place, f"{_short(word.text)} is no `key = value`")
+                word.place, f"{cut(word.text)} is no `key = value`")
     _outside(tree, file, report, True)
     return group, closed
 
@@ -141,8 +163,8 @@ def _outside(tree, file, report, after_group):
     words = [word for word in words if not _refuse_hash(word, report)]
     if words:
         hint = "; the / before it has closed the group" if after_group and tree.data == "group" \
-            else "; a group such as &gear_pair is meant to come first"
-        report.add(words[0].place, f"{_short(words[0].text)} stands outside any group{hint}")
+            else "; expected a group such as &gear_pair first"
+        report.add(words[0].place, f"{cut(words[0].text)} stands outside any group{hint}")
 
 
 def _refuse_hash(word, report):
@@ -155,7 +177,3 @@ def _refuse_hash(word, report):
 def _lower(name):
     """Lower case of a name; letters beyond ASCII stay, as some have an ASCII letter below."""
     return name.lower() if name.isascii() else name
-
-
-def _short(text):
-    return text if len(text) <= 40 else text[:37] + "..."

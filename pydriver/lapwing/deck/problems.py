@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import difflib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+from lapwing.messages import bounded, cut, cut_words
 
 
 @dataclass(frozen=True)
@@ -23,7 +25,7 @@ class Problem:
     ----------
     file : str, the file as it was named, or `--set key=value`
     line, column : int, from 1; 0 where the whole file, line or override is meant
-    text : str, what is wrong and what was meant
+    text : str, what is wrong and what is expected
     warning : bool, True where the deck is accepted all the same
     """
 
@@ -52,18 +54,26 @@ class DeckError(ValueError):
 
 
 class Report:
-    """Collects problems; the same one is kept once."""
+    """Collects problems; the same one is kept once.
+
+    Attributes
+    ----------
+    refusals : int, how many of the problems, warnings aside, are there so far
+    """
 
     def __init__(self):
         self._found = {}
+        self.refusals = 0
 
     def add(self, place, text, warning=False):
         """Note a problem at a `Place`."""
-        self._found[Problem(place.file, place.line, place.column, text, warning)] = None
+        problem = Problem(place.file, place.line, place.column, cut_words(text), warning)
+        self.refusals += not warning and problem not in self._found
+        self._found[problem] = None
 
     @property
     def errors(self):
-        """What makes the deck refused, in order of file and position."""
+        """What makes the deck refused, in order of file and position; no more than a page."""
         return _ordered(p for p in self._found if not p.warning)
 
     @property
@@ -75,12 +85,14 @@ class Report:
 def _ordered(problems):
     problems = list(problems)
     files = list(dict.fromkeys(p.file for p in problems))
-    return tuple(sorted(problems, key=lambda p: (files.index(p.file), p.line, p.column)))
+    rank = {file: i for i, file in enumerate(files)}
+    problems.sort(key=lambda p: (rank[p.file], p.line, p.column))
+    return tuple(bounded(problems, lambda p: p.text, lambda p, text: replace(p, text=text)))
 
 
 def nearest(name, known):
     """`; is 'x' meant?` for the most similar known name, else all of them."""
-    guess = difflib.get_close_matches(name.lower(), known, 1, cutoff=0.6)
+    guess = difflib.get_close_matches(cut(name, 100).lower(), known, 1, cutoff=0.6)
     if guess:
         return f"is {guess[0]!r} meant?"
     return "known are " + ", ".join(known)

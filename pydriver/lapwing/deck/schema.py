@@ -132,8 +132,9 @@ class NumericsKeys(Group):
         "('rk4'), or the first where it can be ('auto')")
     rtol: float | None = key(None, "relative tolerance of rk4; left out: 1e-8 for a response, 1e-6 "
                              "for a sweep", example=1e-8, ge=1e-13, le=1e-2)
-    chatter_tol: float | None = key(None, "error of the end of a complete chatter; left out: "
-                                    "min(rtol, 1e-10)", "mesh periods", 1e-10, gt=0, le=1e-2)
+    chatter_tol: float | None = key(None, "error of the end of a complete chatter; left out: 1e-13 "
+                                    "in closed form, min(rtol, 1e-10) with rk4",
+                                    "mesh periods", 1e-10, gt=0, le=1e-2)
     count_depth: float = key(0.01, "an impact is counted when its flight was deeper than this "
                              "part of the cycle's deepest separation", ge=0, le=1)
     max_events_per_cycle: int = key(1_000_000, "a run ends with a status beyond this", ge=1,

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from lapwing.deck.problems import Place
+from lapwing.messages import cut
 from lapwing.transmission_error import TransmissionError
 from lapwing.transmission_error_file import TransmissionErrorFileError, read_columns
 
@@ -57,12 +58,10 @@ def file_table(name, folder, teeth, place, report):
     """Table of a CSV file relative to `folder`, or None; its problems go to `report`."""
     path = Path(folder, name)
     try:
-        if not path.is_file():
-            raise FileNotFoundError(2, "no such file")
         columns, problems = read_columns(path, **teeth)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
-        report.add(place, f"file = {name!r} cannot be read: {reason}")
+        report.add(place, f"file = {cut(name, 100)!r} cannot be read: {reason}")
         return None
     if problems:
         _report(path, problems, report)

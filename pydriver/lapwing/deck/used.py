@@ -30,7 +30,8 @@ def used_text(deck, folder=None):
     """
     from lapwing import __version__
 
-    lines = [f"! Every value used by {deck.path.name}; those it does not give are marked default.",
+    lines = [f"! Every value used by {_text(deck.path.name)}; those it does not give are marked "
+             "default.",
              f"! lapwing {__version__}", f"! hash {used_hash(deck)}",
              f"! transmission error {deck.te_table.digest}"]
     lines += [f"! --set {name}={value}" for name, value in deck.overrides]
@@ -40,6 +41,11 @@ def used_text(deck, folder=None):
             lines += _line(deck, group, keys, name, field, values.get(name), folder)
         lines.append("/")
     return "\n".join(lines) + "\n"
+
+
+def _text(name):
+    """A file name as text: what is no UTF-8 in it is written as an escape."""
+    return name.encode("utf-8", "backslashreplace").decode()
 
 
 def used_hash(deck):

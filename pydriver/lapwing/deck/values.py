@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass
 
 from lapwing.deck.problems import Place
+from lapwing.messages import cut
+from lapwing.text_file import REAL, decimal_number
 
 # A list longer than this is a slip of the keyboard in a repeat count.
 MAX_LIST = 100_000
 
 _INTEGER = re.compile(r"[+-]?[0-9]+")
-_REAL = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[ed][+-]?[0-9]+)?", re.IGNORECASE)
 _REPEAT = re.compile(r"([0-9]+)\*(.*)", re.DOTALL)
 _LOGICAL = re.compile(r"\.?(?:(t|true)|(f|false))\.?", re.IGNORECASE)
-_NOT_FINITE = re.compile(r"[+-]?(?:nan(?:\(.*\))?|inf(?:inity)?)", re.IGNORECASE)
 _DIGITS = re.compile(r"[0-9]+(?:[ed][+-]?[0-9]+)?", re.IGNORECASE)
 
 
@@ -51,8 +50,8 @@ def read_values(entry, report):
             and comma_at.end == word.start
         new = _read(word, bool(glued))
         if new is None or len(values) + new[0] > MAX_LIST:
-            report.add(word.place, f"{entry.key}: a repeat count from 1 to {MAX_LIST} and a value "
-                                   f"are meant, not {word.text[:40]}")
+            report.add(word.place, f"{entry.key}: {cut(word.text)}; expected a repeat count "
+                                   f"from 1 to {MAX_LIST} and a value, no more values in all")
             return None
         values += new[0] * [new[1]]
         after_comma, comma_at = False, None
@@ -97,40 +96,26 @@ def _convert(text, kind):
     if kind == "UNCLOSED":
         return Bare(), "the closing quote is missing on this line"
     if kind != "WORD":
-        return Bare(), f"{text} has no place here"
-    if _REAL.fullmatch(text):
+        return Bare(), f"{cut(text)} has no place here"
+    if REAL.fullmatch(text):
         return _number(text)
     logical = _LOGICAL.fullmatch(text)
     if logical:
         return logical[1] is not None, ""
-    return Bare(), _remark(text)
+    return Bare(), decimal_number(text)[1]
 
 
 def _number(text):
     """Integer or real; what double precision cannot hold is refused, not rounded away."""
     if _INTEGER.fullmatch(text) and len(text) <= 18:
         return int(text), ""
-    number = float(text.lower().replace("d", "e"))
-    if math.isinf(number):
-        return Bare(), "too large for double precision"
-    mantissa = re.split("[ed]", text.lower())[0]
-    if number == 0 and re.search("[1-9]", mantissa):
-        return Bare(), "too small for double precision"
-    return number, ""
-
-
-def _remark(text):
-    """Why a word is no number, as far as can be guessed."""
-    if _NOT_FINITE.fullmatch(text):
-        return "NaN and infinity are refused"
-    if "\u2212" in text:
-        return "the minus sign is not the one of the keyboard"
-    return ""
+    number, remark = decimal_number(text)
+    return (Bare() if number is None else number), remark
 
 
 def number_and_rest(text):
     """A word such as `7.0Nm` in its two parts, None where no number begins it."""
-    number = _REAL.match(text)
+    number = REAL.match(text)
     return (number[0], text[number.end():]) if number else None
 
 

@@ -8,6 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lapwing.arrivals import arrivals_in
+from lapwing.findings import known
+
 FORMATS = ("png", "pdf")
 # Modules of this package with a `draw` each, by what they are drawn from.
 SWEEP_FIGURES = ("orbit_diagram", "deepest_separation", "staircase", "exponents",
@@ -60,13 +63,25 @@ def tasks_of(results):
     """
     return [*(Task(f"{module}_{name}", module, "sweep", name)
               for name in results.sweeps for module in SWEEP_FIGURES
-              if NEEDED.get(module, "status") in results.sweep(name)),
+              if _has(results.sweep(name), module)),
             *(Task(f"{CRITICAL_FIGURE}_{name}", CRITICAL_FIGURE, "critical", name)
               for name in results.criticals
               if "trial" in results.critical(name).dims),  # a closed form has nothing to show
             *(Task(f"{module}_{name}", module, "response", name)
               for name in results.responses for module in RESPONSE_FIGURES),
             Task(TE_FIGURE, TE_FIGURE, "transmission_error")]
+
+
+def _has(sweep, module):
+    """Whether a sweep holds what a figure shows.
+
+    No figure without a result to draw; and without restitution there are no impacts.
+    """
+    if not known(sweep).any():
+        return False
+    if module == "impact_speed_density" and not arrivals_in(sweep.attrs).threshold:
+        return False
+    return NEEDED.get(module, "status") in sweep
 
 
 def draw_all(results, folder, *, formats=FORMATS, progress=None, crew=None):

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import multiprocessing
+import os
 import signal
 import sys
+import threading
 from multiprocessing.connection import wait
 from types import ModuleType
 
@@ -13,6 +16,8 @@ from types import ModuleType
 MOST = 8
 # Seconds to let a figure that was begun be finished.
 PATIENCE = 10.0
+# prctl(2): the signal that a process gets when its parent ends.
+PR_SET_PDEATHSIG = 1
 # The slow part of a process's start, loaded once before they part.
 PRELOAD = ("netCDF4", "xarray", "matplotlib.figure", "matplotlib.backends.backend_agg",
            "matplotlib.backends.backend_pdf", "PIL.PngImagePlugin", "lapwing.results")
@@ -39,7 +44,7 @@ class Crew:
             from multiprocessing import forkserver
 
             forkserver.set_forkserver_preload(list(PRELOAD))
-            with _interrupts_held():
+            with _interrupts_held(), _without_windows():
                 forkserver.ensure_running()
 
     def __bool__(self):
@@ -48,8 +53,11 @@ class Crew:
     def __enter__(self):
         return self
 
-    def __exit__(self, *_):
-        self.close()
+    def __exit__(self, kind, *_):
+        if kind is None:
+            self.close()
+        else:
+            self.stop()
 
     def close(self):
         """Let the processes finish the figures they are at, and end them."""
@@ -57,9 +65,16 @@ class Crew:
             pipe.close()
         for process in self._workers.values():
             process.join(PATIENCE)
-            if process.is_alive():
-                process.terminate()
-                process.join()
+        self.stop()
+
+    def stop(self):
+        """End the processes at once; a figure under way is left half written."""
+        for process in self._workers.values():
+            process.kill()
+        for process in self._workers.values():
+            process.join()
+        for pipe in self._workers:
+            pipe.close()
         self._workers.clear()
 
     def draw(self, path, tasks, folder, formats):
@@ -69,7 +84,7 @@ class Crew:
         ------
         (Task, what went wrong or None), as they are finished
         """
-        with _interrupts_held():
+        with _interrupts_held(), _without_windows():
             while len(self._workers) < min(self._size, len(tasks)):
                 self._hire()
         waiting = list(reversed(tasks))
@@ -113,6 +128,37 @@ class Crew:
 
 
 @contextlib.contextmanager
+def _without_windows():
+    """Processes begun meanwhile draw without a window system, whatever a notebook wants."""
+    before = os.environ.get("MPLBACKEND")
+    os.environ["MPLBACKEND"] = "agg"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["MPLBACKEND"]
+        else:
+            os.environ["MPLBACKEND"] = before
+
+
+def _end_with_parent():
+    """End this process when the one that draws with it is gone, however that ended.
+
+    The pipe that tells of the parent's end works everywhere, also in the middle of a figure; where
+    Linux has it, a signal also comes at the end of the fork server, which ends with the parent.
+    """
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    parent = multiprocessing.parent_process().sentinel
+
+    def watch():
+        wait([parent])
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+@contextlib.contextmanager
 def _main_hidden():
     """A process begun meanwhile does not run the caller's script, of which it needs nothing."""
     main = sys.modules["__main__"]
@@ -125,7 +171,7 @@ def _main_hidden():
 
 @contextlib.contextmanager
 def _interrupts_held():
-    """Ctrl-C waits, and what is started meanwhile never hears of it."""
+    """Signals wait, and what is started meanwhile never hears of Ctrl-C."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -142,6 +188,7 @@ def _interrupts_held():
 def _draw_on_demand(pipe):
     """Draw what comes through the pipe until it is closed; a process's whole life."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _end_with_parent()
     from lapwing.plots import attempt
     from lapwing.results import read_results
 
@@ -150,5 +197,5 @@ def _draw_on_demand(pipe):
         while True:
             path, task, folder, formats = pipe.recv()
             if path not in opened:
-                opened[path] = stack.enter_context(read_results(path))
+                opened[path] = stack.enter_context(read_results(path, check=False))
             pipe.send(attempt(opened[path], task, folder, formats))

@@ -16,8 +16,8 @@ LOOKS = {
                           "the unsafe side"},
     SearchStage.FURTHER: {"marker": "o", "color": style.SKY, "label": "beyond the bracket"},
 }
-TITLES = {"full": "complete engagement", "safe": "rattling motions", "back": "back impacts",
-          "on": "rigid tooth on the flank"}
+TITLES = {"full": "contact of the engaged motion", "safe": "rattling motions",
+          "back": "back impacts", "on": "rigid tooth on the flank"}
 # The second panel of a search shows so many widths of the bracket to either side.
 CLOSE_UP = 6
 
@@ -64,7 +64,7 @@ def draw(critical, gear_pair=None, *, title=None, marks=()):
 def _safe(axis, critical):
     """Share of the motions that rattle, at each value tried."""
     stages = critical["trial_stage"].values
-    share = 100 * critical["trial_rattling"].values / critical["trial_starts"].values
+    share = 100 * critical["trial_rattling"].values / np.maximum(critical["trial_starts"].values, 1)
     values = critical["trial_value"].values
     for stage, look in LOOKS.items():
         at = stages == stage
@@ -78,13 +78,22 @@ def _safe(axis, critical):
     if failed.any():
         axis.plot(values[failed], share[failed], linestyle="", marker="x", markersize=9,
                   color=style.BLACK, label="some runs failed", zorder=5)
-    grid = np.isin(stages, (SearchStage.SCAN, SearchStage.FURTHER))
-    order = np.argsort(values[grid])
-    axis.step(values[grid][order], share[grid][order], where="mid", color="0.75", linewidth=1,
+    axis.step(*_known_shares(values, stages, share), where="mid", color="0.75", linewidth=1,
               zorder=2)
     _bracket(axis, critical.attrs["rattling"], critical.attrs["clean"], "bracket")
     axis.set_ylim(-4, 104)
     axis.set_ylabel("motions that rattle (% of the starts)")
+
+
+def _known_shares(values, stages, share):
+    """Values from low to high and the share at each: of all starts, where they were tried there.
+
+    Where several trials were made at one value the greatest counts; the way along which motions
+    were carried, and what was followed longer, tell of other motions than the starts.
+    """
+    whole = np.isin(stages, (SearchStage.SCAN, SearchStage.BISECTION, SearchStage.FURTHER))
+    order = np.unique(values[whole])
+    return order, np.array([share[whole & (values == value)].max() for value in order])
 
 
 def _back(axis, critical):
@@ -97,7 +106,13 @@ def _back(axis, critical):
               color=style.VERMILION, label="seen: share of the cycles", zorder=4)
     limit = critical["trial_rate_bound"].values
     percent = 100 * critical.attrs["confidence"]
-    axis.plot(values[~seen], limit[~seen], linestyle="", marker="v", markersize=5,
+    clean = ~seen & np.isfinite(limit)
+    if not (seen | clean).any():
+        axis.set_yticks([])
+        style.note(axis, "every motion failed: nothing is known")
+        axis.set_ylabel("mesh cycles with a back impact\n(share of those examined)")
+        return
+    axis.plot(values[clean], limit[clean], linestyle="", marker="v", markersize=5,
               markerfacecolor="none", color=style.BLUE, zorder=4,
               label=f"none seen: upper limit, {percent:g} % confidence")
     axis.set_yscale("log")

@@ -28,7 +28,7 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
     figure = style.new_figure(9, 5.2)
     axis = figure.subplots()
     depth_lines(axis, sweep)
-    found = float(sweep["deepest_separation"].max())
+    found = float(sweep["deepest_separation"].max())  # NaN where no point has a result
     deepest = style.URAD * np.nanmax([0.0, found, *(claim.depth for claim in claims)])
     small = style.widen_small_values(
         axis, style.URAD * sweep["deepest_separation"].max("recorded_cycle").values)
@@ -43,8 +43,8 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
     for claim in claims:
         sweep_parts.claim_marker(axis, claim.value, style.URAD * claim.depth)
     sweep_parts.mark_full_engagement(
-        [axis], sweep_parts.full_engagement_of(sweep, full_engagement), axis,
-        sweep[parameter].values, height=0.86)
+        [axis], sweep_parts.full_engagement_of(sweep, full_engagement), axis, sweep,
+        height=0.86)
     critical_marks.draw_marks([axis], axis, marks, sweep[parameter].values,
                               sweep_parts.full_engagement_of(sweep, full_engagement),
                               heights=(0.78, 0.55))

@@ -34,7 +34,7 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
         axis.set_title(f"({letter}) {panel(axis, sweep)}")
     values = sweep[sweep_parts.parameter_of(sweep)].values
     engaged = sweep_parts.full_engagement_of(sweep, full_engagement)
-    sweep_parts.mark_full_engagement(axes, engaged, axes[1], values, height=0.2)
+    sweep_parts.mark_full_engagement(axes, engaged, axes[1], sweep, height=0.35)
     critical_marks.draw_marks(axes, axes[0], marks, values, engaged)
     sweep_parts.finish(figure, axes, sweep,
                        f"exponents: {sweep.attrs.get('name', '')}" if title is None else title)

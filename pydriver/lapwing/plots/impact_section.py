@@ -1,17 +1,16 @@
-"""Impact section of a response: mesh phase and speed of every recorded impact."""
+"""Impact section of a response: mesh phase and speed of every recorded arrival at a flank."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from lapwing.codes import EventKind
+from lapwing.arrivals import arrivals_in
 from lapwing.plots import style
-from lapwing.plots.trajectory import IMPACTS, cycles_recorded, events_of
+from lapwing.plots.trajectory import cycles_recorded, events_of
 
-FLANKS = {
-    EventKind.IMPACT: {"color": style.BLUE, "marker": "o", "label": "drive flank"},
-    EventKind.BACK_IMPACT: {"color": style.ORANGE, "marker": "v", "label": "coast flank"},
-}
+# The drive flank, then the coast flank.
+FLANKS = ({"color": style.BLUE, "marker": "o", "label": "drive flank"},
+          {"color": style.ORANGE, "marker": "v", "label": "coast flank"})
 # Speeds that span more than this, as those of a chatter, are drawn on a logarithmic scale.
 LOGARITHMIC = 100.0
 
@@ -32,24 +31,25 @@ def draw(response, gear_pair=None):
     figure = style.new_figure(8, 5)
     axis = figure.subplots()
     factor, unit, millimetres = style.speed_unit(gear_pair)
-    impacts = events_of(response, IMPACTS)
+    law = arrivals_in(response.attrs)
+    impacts = events_of(response, law.kinds)
     speed = factor * np.abs(impacts["velocity_before"])
-    for kind, look in FLANKS.items():
+    for kind, look in zip(law.kinds, FLANKS, strict=True):
         rows = impacts["event_kind"] == kind
         if np.any(rows):
             _points(axis, impacts["event_phase"][rows], speed[rows], look)
-    axis.set(xlim=(0, 1), xlabel="mesh phase of the impact (mesh periods)",
+    axis.set(xlim=(0, 1), xlabel=f"mesh phase of the {law.word} (mesh periods)",
              ylabel=f"approach speed |φ'| ({unit})")
     if speed.size == 0:
         axis.set_yticks([])
         style.note(axis, style.motion(response.attrs) if style.failed(response) else
-                   f"no impact in {cycles_recorded(response)} recorded cycles")
+                   f"no {law.word} in {cycles_recorded(response)} recorded cycles")
     else:
         _speed_limits(axis, speed)
         figure.legend(loc="outside lower center", ncols=2)
         style.speed_scale(axis, millimetres)
-        axis.set_title(f"all {speed.size} impacts in {cycles_recorded(response)} recorded cycles, "
-                       "whatever the depth of their flights")
+        axis.set_title(f"all {speed.size} {law.word}s in {cycles_recorded(response)} recorded "
+                       "cycles, whatever the depth of their flights")
     figure.suptitle(style.describe(response))
     return figure
 

@@ -51,7 +51,7 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
     figure.colorbar(image, ax=list(axes), label="impacts per mesh cycle and decade of speed",
                     pad=0.02, aspect=40)
     engaged = sweep_parts.full_engagement_of(sweep, full_engagement)
-    sweep_parts.mark_full_engagement(axes, engaged, axes[0], values)
+    sweep_parts.mark_full_engagement(axes, engaged, axes[0], sweep)
     critical_marks.draw_marks(axes, axes[0], marks, values, engaged, heights=(0.2, 0.2))
     sweep_parts.finish(figure, axes, sweep,
                        f"impact speeds: {sweep.attrs.get('name', '')}" if title is None else title)

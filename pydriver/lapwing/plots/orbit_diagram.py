@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lapwing.arrivals import arrivals_in, per_cycle
 from lapwing.codes import Status
 from lapwing.plots import critical_marks, style, sweep_parts
 from lapwing.plots.style import save
@@ -37,7 +38,7 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
     matplotlib.figure.Figure
     """
     panels = {_section: 3.0, _impact_speeds: 2.4, _impacts: 1.6, _periods: 1.3}
-    if "impact_velocity" not in sweep:
+    if "impact_velocity" not in sweep or not arrivals_in(sweep.attrs).threshold:
         panels[_depths] = panels.pop(_impact_speeds)
         panels = {panel: panels[panel] for panel in (_section, _depths, _impacts, _periods)}
     claims = sweep_parts.claims_of(sweep, claims)
@@ -47,8 +48,7 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
         axis.set_title(f"({letter}) {panel(axis, sweep, gear_pair, claims)}")
     parameter = sweep_parts.parameter_of(sweep)
     sweep_parts.mark_full_engagement(
-        axes, sweep_parts.full_engagement_of(sweep, full_engagement), axes[1],
-        sweep[parameter].values)
+        axes, sweep_parts.full_engagement_of(sweep, full_engagement), axes[1], sweep)
     critical_marks.draw_marks(axes, axes[0], marks, sweep[parameter].values,
                               sweep_parts.full_engagement_of(sweep, full_engagement))
     sweep_parts.finish(figure, axes, sweep,
@@ -127,22 +127,22 @@ def _depths(axis, sweep, gear_pair, claims):
 
 
 def _impacts(axis, sweep, gear_pair, claims):
-    """Counted impacts per cycle at the drive flank, and at the coast flank where there are any."""
+    """Arrivals per cycle at the drive flank, and at the coast flank where there are any."""
+    law = arrivals_in(sweep.attrs)
     for branch, look in sweep_parts.branches(sweep):
         x = branch[sweep_parts.parameter_of(sweep)].values
-        axis.plot(x, branch["counted_impacts"].mean("recorded_cycle"), color=look["color"],
+        axis.plot(x, per_cycle(branch), color=look["color"],
                   linewidth=1.0 + 0.4 * look["size"])
-        back = branch["counted_back_impacts"].mean("recorded_cycle")
-        axis.plot(x, back.where(back > 0), linestyle="", marker="v", markersize=2 + look["size"],
-                  markeredgewidth=0, color=look["color"])
+        back = per_cycle(branch, "coast")
+        axis.plot(x, np.where(back > 0, back, np.nan), linestyle="", marker="v",
+                  markersize=2 + look["size"], markeredgewidth=0, color=look["color"])
     for claim in claims:
         if np.isfinite(claim.impacts):
             sweep_parts.claim_marker(axis, claim.value, claim.impacts)
-    axis.set_ylabel("impacts\nper cycle")
+    axis.set_ylabel(f"{law.word}s\nper cycle")
     axis.set_ylim(bottom=0)
     axis.yaxis.get_major_locator().set_params(integer=True)
-    threshold = 100 * float(sweep.attrs["count_depth"])
-    return (f"impacts per cycle after flights deeper than {threshold:g} % of the cycle's deepest; "
+    return (f"{law.word}s per cycle, {law.rule(float(sweep.attrs['count_depth']))}; "
             "▾ at the coast flank")
 
 

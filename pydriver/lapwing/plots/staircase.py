@@ -7,10 +7,13 @@ from itertools import groupby
 
 import numpy as np
 
+from lapwing.arrivals import arrivals_in, per_cycle
+from lapwing.codes import Status
 from lapwing.plots import critical_marks, style, sweep_parts
 
 # A run of one class is named in the strip where it is wider than this part of the axis.
 NAMED_FROM = 0.045
+UNFINISHED = "unfinished"
 PERIODIC = re.compile(r"(\d+):\((\d+),(\d+)\)(c?)$")
 
 
@@ -45,12 +48,15 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
     axes[0].set_title(f"(a) {_stairs(axes[0], sweep, claims)}")
     most = max((_impacts(name) for name in sweep["motion_class"].values.ravel()), default=0) or 1
     for axis, (branch, look) in zip(axes[1:], branches, strict=True):
-        _strip(axis, values, branch["motion_class"].values, most, look["label"])
-    axes[1].set_title("(b) class p:(i,j), i drive and j coast impacts in p mesh cycles; c: "
+        open_ = branch["status"].values == Status.UNFINISHED
+        _strip(axis, values, np.where(open_, UNFINISHED, branch["motion_class"].values), most,
+               look["label"])
+    word = arrivals_in(sweep.attrs).word
+    axes[1].set_title(f"(b) class p:(i,j), i drive and j coast {word}s in p mesh cycles; c: "
                       "complete chatter,\nthe count then hangs on its threshold; hatched: no "
-                      "period, crossed: failed")
+                      "period, crossed: failed, blank: not reached")
     engaged = sweep_parts.full_engagement_of(sweep, full_engagement)
-    sweep_parts.mark_full_engagement(axes[:1], engaged, axes[0], values, height=0.3)
+    sweep_parts.mark_full_engagement(axes[:1], engaged, axes[0], sweep, height=0.4)
     critical_marks.draw_marks(axes[:1], axes[0], marks, values, engaged)
     sweep_parts.finish(figure, axes, sweep,
                        f"staircase: {sweep.attrs.get('name', '')}" if title is None else title)
@@ -62,16 +68,15 @@ def _stairs(axis, sweep, claims):
     """Impacts per cycle of each start; returns the heading."""
     for branch, look in sweep_parts.branches(sweep):
         x = branch[sweep_parts.parameter_of(sweep)].values
-        axis.step(x, branch["counted_impacts"].mean("recorded_cycle"), where="mid",
+        axis.step(x, per_cycle(branch), where="mid",
                   color=look["color"], linewidth=0.8 + 0.5 * look["size"])
     for claim in claims:
         sweep_parts.claim_marker(axis, claim.value, claim.impacts)
     axis.set_ylim(bottom=0)
-    axis.set_ylabel("impacts\nper cycle")
+    law = arrivals_in(sweep.attrs)
+    axis.set_ylabel(f"{law.word}s\nper cycle")
     axis.yaxis.get_major_locator().set_params(integer=True)
-    threshold = 100 * float(sweep.attrs["count_depth"])
-    return (f"impacts per cycle after flights deeper than {threshold:g} % of the cycle's deepest, "
-            "drive flank")
+    return f"{law.word}s per cycle, {law.rule(float(sweep.attrs['count_depth']))}; drive flank"
 
 
 def _impacts(name):
@@ -90,6 +95,8 @@ def _strip(axis, values, classes, most, label):
     at = 0
     for name, run in groupby(classes.astype(str)):
         first, at = at, at + len(list(run))
+        if name == UNFINISHED:
+            continue
         left, right = edges[first], edges[at]
         found = PERIODIC.match(name)
         share = _impacts(name) / most

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lapwing.arrivals import arrivals_in
 from lapwing.codes import MotionState
 
 # Okabe and Ito's palette: told apart by colour-blind readers and by lightness in grey.
@@ -226,9 +227,9 @@ def motion(attrs):
     words = f"period {period}" if period else "no period found"
     impacts = float(attrs.get("impacts_per_cycle", math.nan))
     if math.isfinite(impacts):
-        threshold = 100 * float(attrs["count_depth"])
-        words += (f", {impacts:.3g} {'impact' if impacts == 1 else 'impacts'} per cycle "
-                  f"(flights deeper than {threshold:g} %)")
+        law, threshold = arrivals_in(attrs), 100 * float(attrs["count_depth"])
+        words += (f", {impacts:.3g} {law.word}{'s' * (impacts != 1)} per cycle"
+                  + f" (flights deeper than {threshold:g} %)" * law.threshold)
     return words
 
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lapwing.codes import Status
+from lapwing.findings import words_beyond
 from lapwing.plots import style
 
 AXIS_LABELS = {"brake_torque": "braking torque (N·m)", "drive_torque": "drive torque (N·m)",
@@ -74,8 +75,9 @@ def full_engagement_of(sweep, given):
     return None if given is None or not np.isfinite(given) else float(given)
 
 
-def mark_full_engagement(axes, value, labelled, x, height=0.96):
-    """A vertical line through all panels, with its number in one of them."""
+def mark_full_engagement(axes, value, labelled, sweep, height=0.96):
+    """A vertical line through all panels; in one of them its number and what rattles above it."""
+    x = sweep[parameter_of(sweep)].values
     if value is None or not x[0] <= value <= x[-1]:
         return
     for axis in axes:
@@ -83,12 +85,19 @@ def mark_full_engagement(axes, value, labelled, x, height=0.96):
     # Where there is no room to the left of the line, the words go to its right.
     left = value - x[0] > ROOM * (x[-1] - x[0])
     labelled.annotate(
-        f"T_full = {value:.5g}: complete engagement from\nhere on (the engaged motion keeps "
-        "contact)", (value, height),
+        f"T_full = {value:.5g}: contact can be kept from here;\n{_beyond(sweep, value)}",
+        (value, height),
         xycoords=("data", "axes fraction"), xytext=(-6 if left else 6, 0),
         textcoords="offset points", ha="right" if left else "left", va="top",
         fontsize=8.5, color="0.25",
         bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1})
+
+
+def _beyond(sweep, value):
+    """What was seen to rattle above a value, a line for each statement."""
+    if "states_visited" not in sweep:
+        return "other motions may rattle above"
+    return words_beyond(sweep, value).replace("; ", "\n")
 
 
 def edges_of(values):

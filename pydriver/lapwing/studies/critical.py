@@ -10,13 +10,17 @@ import math
 
 import numpy as np
 
+from lapwing import arguments
 from lapwing.engine import Numerics, common_method
+from lapwing.gear_pair import GearPair
 from lapwing.linear_response import critical_force
 from lapwing.rigid_contact import LiftOff, lift_off_force
 from lapwing.studies.critical_safe import SafeSearch, Trial
 from lapwing.studies.critical_starts import StartGrid, follow, start_grid
-from lapwing.studies.sweep import PARAMETER_UNITS, oscillator_at
-from lapwing.threads import default_threads
+from lapwing.studies.intervals import bursts, rate_limit
+from lapwing.studies.sweep import PARAMETER_UNITS, oscillator_at, parameters
+from lapwing.threads import checked_threads
+from lapwing.transmission_error import TransmissionError
 
 FINDS = ("full", "safe", "back", "on")
 SAFE_ENDS = ("high", "low")
@@ -34,7 +38,8 @@ DESCRIPTIONS = {
     "trial_failed": ("1", "motions that failed numerically"),
     "trial_cycles": ("1", "mesh cycles examined"),
     "trial_back_cycles": ("1", "mesh cycles with a back impact"),
-    "trial_rate_bound": ("1", "upper limit of the rate of back impacts per mesh cycle"),
+    "trial_bursts": ("1", "bursts of mesh cycles with a back impact"),
+    "trial_rate_bound": ("1", "upper limit of the rate of bursts of back impacts per mesh cycle"),
     "trial_margin": ("rad", "force F above the one needed for contact")}
 
 
@@ -122,23 +127,23 @@ def critical_safe(pair, te, *, parameter="brake_torque", values, safe_end="high"
         for refused arguments, the oscillator's own refusals included.
     """
     values = _scan_order(values, safe_end)
-    _check_counts(settle=(settle, 0), record=(record, 1), further=(further, 0))
-    starts = starts or StartGrid()
-    numerics = numerics or Numerics(rtol=SWEEP_RTOL)
+    settle, record = arguments.whole("settle", settle), arguments.whole("record", record, 1)
+    phase = arguments.phase("phase", phase)
+    starts, numerics = _checked(
+        pair, te, parameter, starts, StartGrid(), numerics, progress)
+    further = arguments.whole("further", further)
     if resolution is None:
         steps = np.abs(np.diff(values))
         resolution = float(steps.min()) / 5 if steps.size else 0.0
     # Finer than this, values could no longer be told from each other.
-    finest = 4 * float(np.spacing(np.abs(values).max()))
-    if not (math.isfinite(resolution) and (resolution >= finest or values.size == 1)):
-        raise ValueError(f"critical: resolution = {resolution!r}, a number >= {finest:.2g} is "
-                         "meant")
+    finest = 4 * float(np.spacing(np.abs(values).max())) if values.size > 1 else 0.0
+    resolution = arguments.real("resolution", resolution, low=finest)
 
     def at(value):
         return oscillator_at(pair, te, parameter, value, operation)
 
     search = SafeSearch(at, starts, phase, settle, record, resolution, numerics,
-                        threads or default_threads(), progress)
+                        checked_threads(threads), progress)
     rattling, clean = search.run(values, further)
     outcome = "safe_throughout" if math.isnan(rattling) else \
         "unsafe_throughout" if math.isnan(clean) else "found"
@@ -156,11 +161,13 @@ def critical_back(pair, te, *, parameter="brake_torque", values, safe_end="high"
     """Last value at which a back impact was seen, and how far the values beyond it can be trusted.
 
     Back impacts are rare events of chaotic motions and come in bands: every value is examined, and
-    none is called a threshold. For each the cycles with a back impact are counted, and the rate is
-    bounded from above by the exact one-sided Poisson limit χ²(confidence; 2k + 2)/2 over the
-    cycles examined, k cycles with one (k = 0 at 95 %: 3.0 over the cycles, the rule of three). It
-    takes cycles for independent; a motion that only a start outside of the grid leads to is in no
-    bound.
+    none is called a threshold. Cycles with a back impact come in bursts, which are told apart by
+    their gaps (`intervals.bursts`). The rate at which *bursts* begin is bounded from above by the
+    exact one-sided Poisson limit χ²(confidence; 2k + 2)/2 over the cycles examined, k bursts seen
+    (k = 0 at 95 %: 3.0 over the cycles, the rule of three). How many cycles a burst takes is in no
+    bound where none was seen. The limit takes bursts for independent, those of different starts
+    included: it says nothing of a motion that only a start outside of the grid leads to, nor of
+    bursts further apart than the cycles followed that all starts would share.
 
     Parameters
     ----------
@@ -173,7 +180,8 @@ def critical_back(pair, te, *, parameter="brake_torque", values, safe_end="high"
     Returns
     -------
     xarray.Dataset over `trial`, from the safe end: trial_value, trial_cycles (examined),
-    trial_back_cycles (with a back impact or back engagement), trial_rate_bound (per cycle),
+    trial_back_cycles (with a back impact or back engagement), trial_bursts, trial_rate_bound
+    (bursts per cycle),
     trial_starts, trial_failed. Attributes: find, parameter, outcome ('found', 'none_seen',
     'unsafe_throughout'), last_seen, first_clean (next to it on the safe side), clean_end (the last
     value scanned there), clean_cycles (examined over all clean values), rate_bound (of the clean
@@ -185,40 +193,36 @@ def critical_back(pair, te, *, parameter="brake_torque", values, safe_end="high"
         for refused arguments, the oscillator's own refusals included, and `one_flank`.
     """
     values = _scan_order(values, safe_end)
-    _check_counts(settle=(settle, 0), record=(record, 1))
-    if not 0.5 <= confidence < 1:
-        raise ValueError(f"critical: confidence = {confidence!r}, 0.5 to below 1 is meant")
-    starts = starts or StartGrid(2, 2, 2)
-    numerics = numerics or Numerics(rtol=SWEEP_RTOL)
+    settle, record = arguments.whole("settle", settle), arguments.whole("record", record, 1)
+    phase = arguments.phase("phase", phase)
+    starts, numerics = _checked(
+        pair, te, parameter, starts, StartGrid(2, 2, 2), numerics, progress)
+    confidence = arguments.real("confidence", confidence, low=0.5, below=1.0)
     oscillators = [oscillator_at(pair, te, parameter, float(value), operation) for value in values]
     if oscillators[0].gap == "one_flank":
         raise ValueError("critical: gap = 'one_flank' has no coast flank to strike")
     begun = [start_grid(osc, starts, phase) for osc in oscillators]
     fates = follow([osc for osc, some in zip(oscillators, begun, strict=True) for _ in some],
                    [start for some in begun for start in some], settle, record, numerics=numerics,
-                   threads=threads or default_threads(), progress=progress)
+                   threads=checked_threads(threads), progress=progress)
     owner = np.repeat(np.arange(values.size), [len(some) for some in begun])
     seen, failed = (np.bincount(owner, column, values.size).astype(int)
                     for column in (fates.back_cycles, fates.failed))
     followed = np.bincount(owner, minlength=values.size)
     cycles = (followed - failed) * record
-    bound = _rate_bound(seen, cycles, confidence)
+    ends = np.cumsum(followed)
+    burst = np.array([bursts(fates.back_at[end - many:end])
+                      for end, many in zip(ends, followed, strict=True)])
+    bound = rate_limit(burst, cycles, confidence)
     return _dataset(
         "back", parameter, *_last_seen(values, seen), confidence=confidence,
         variables={"trial_value": values, "trial_starts": followed, "trial_failed": failed,
-                   "trial_cycles": cycles, "trial_back_cycles": seen, "trial_rate_bound": bound},
+                   "trial_cycles": cycles, "trial_back_cycles": seen, "trial_bursts": burst,
+                   "trial_rate_bound": bound},
         **_clean(values, seen, cycles, bound), **_scan(values, safe_end),
         **_starts(starts, phase, settle, record),
         method=common_method(oscillators, numerics), rtol=numerics.rtol,
         n_starts=int(followed[0]))
-
-
-def _rate_bound(seen, cycles, confidence):
-    """Exact one-sided upper limit of a Poisson rate per cycle; infinite without cycles."""
-    from scipy.stats import chi2
-
-    with np.errstate(divide="ignore"):
-        return 0.5 * chi2.ppf(confidence, 2 * seen + 2) / cycles
 
 
 def _last_seen(values, seen):
@@ -244,6 +248,9 @@ def _clean(values, seen, cycles, bound):
 
 def _of_force(find, criterion, pair, te, parameter, values, safe_end, operation):
     """Where F passes what `criterion` asks for."""
+    _checked_pair(pair, te, parameter)
+    arguments.choice("safe_end", safe_end, SAFE_ENDS)
+
     def at(value):
         return oscillator_at(pair, te, parameter, value, operation)
 
@@ -257,8 +264,8 @@ def _of_force(find, criterion, pair, te, parameter, values, safe_end, operation)
         return _dataset(find, parameter, outcome, value if known else math.nan,
                         0.0 if known else math.nan, phase=needed.phase)
     if values is None:
-        raise ValueError(f"critical: parameter = {parameter!r} is no torque; values to search are "
-                         "meant")
+        raise ValueError(f"critical: parameter = {parameter!r} is no torque; expected are values "
+                         "to search")
     values = _scan_order(values, safe_end)
     _check_law(find, at(float(values[0])))
     return _along(find, criterion, at, parameter, values, safe_end)
@@ -308,20 +315,25 @@ def _check_law(find, osc):
 
 def _scan_order(values, safe_end):
     """Values, each once, the safe end first."""
-    values = np.unique(np.asarray(values, dtype=float).ravel())
-    if values.size == 0 or not np.all(np.isfinite(values)):
-        raise ValueError("critical: values must be finite numbers, at least one")
-    if safe_end not in SAFE_ENDS:
-        raise ValueError(f"critical: safe_end = {safe_end!r}, 'high' or 'low' is meant")
+    arguments.choice("safe_end", safe_end, SAFE_ENDS)
+    values = np.unique(arguments.reals("values", values))
     return values[::-1] if safe_end == "high" else values
 
 
-def _check_counts(**counts):
-    problems = [f"{key} = {given!r}, a whole number >= {least} is meant"
-                for key, (given, least) in counts.items()
-                if not (isinstance(given, int | np.integer) and given >= least)]
-    if problems:
-        raise ValueError("critical: " + "; ".join(problems))
+def _checked_pair(pair, te, parameter):
+    arguments.instance("pair", pair, GearPair)
+    arguments.instance("te", te, TransmissionError)
+    arguments.choice("parameter", parameter, parameters())
+
+
+def _checked(pair, te, parameter, starts, default_starts, numerics, progress):
+    """Starts and numerics, given or the default, after a look at what else enters."""
+    _checked_pair(pair, te, parameter)
+    if progress is not None:
+        arguments.function("progress", progress)
+    return (default_starts if starts is None else arguments.instance("starts", starts, StartGrid),
+            Numerics(rtol=SWEEP_RTOL) if numerics is None
+            else arguments.instance("numerics", numerics, Numerics))
 
 
 def _scan(values, safe_end):

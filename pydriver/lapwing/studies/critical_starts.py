@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from lapwing import engine
+from lapwing import arguments, engine
 from lapwing.codes import MotionState, Status
 from lapwing.engine import CYCLE_NAMES, Wanted
 
@@ -32,10 +32,7 @@ class StartGrid:
 
     def __post_init__(self):
         for name in ("phases", "positions", "speeds"):
-            number = getattr(self, name)
-            if not (isinstance(number, int | np.integer) and 1 <= number <= 1000):
-                raise ValueError(f"start grid: {name} = {number!r}, a whole number from 1 to 1000 "
-                                 "is meant")
+            object.__setattr__(self, name, arguments.whole(name, getattr(self, name), 1, 1000))
 
 
 def start_grid(osc, grid, phase=0.0):
@@ -114,12 +111,14 @@ class Fates:
     back_cycles : (n,) int, recorded cycles with a back impact or a back engagement
     failed : (n,) bool, whether the run failed numerically
     final : list of n starts, where each motion ended
+    back_at : list of n arrays of int, the recorded cycles counted in `back_cycles`
     """
 
     rattles: np.ndarray
     back_cycles: np.ndarray
     failed: np.ndarray
     final: list
+    back_at: list = field(default_factory=list)
 
 
 def follow(oscillators, starts, settle, record, *, numerics, threads, progress=None):
@@ -151,7 +150,8 @@ def follow(oscillators, starts, settle, record, *, numerics, threads, progress=N
         done.append(_fates(result, some))
     return Fates(*(np.concatenate([getattr(one, key) for one in done])
                    for key in ("rattles", "back_cycles", "failed")),
-                 [state for one in done for state in one.final])
+                 [state for one in done for state in one.final],
+                 [times for one in done for times in one.back_at])
 
 
 def _part(progress, begun, share):
@@ -164,7 +164,8 @@ def _fates(result, starts):
     column = {name: result.cycles[:, :, CYCLE_NAMES.index(name)] for name in (
         "states_visited", "impacts", "back_impacts", "back_engages")}
     rattles = np.any((column["states_visited"] != ENGAGED) | (column["impacts"] > 0), axis=1)
-    back = np.sum(column["back_impacts"] + column["back_engages"] > 0, axis=1)
+    back = (column["back_impacts"] + column["back_engages"] > 0) & ~failed[:, None]
     final = [(float(row[2]), float(row[3]), float(row[4]), start[3])
              for row, start in zip(result.outcome, starts, strict=True)]
-    return Fates(rattles & ~failed, np.where(failed, 0, back), failed, final)
+    return Fates(rattles & ~failed, np.sum(back, axis=1), failed, final,
+                 [np.flatnonzero(row) for row in back])

@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
+from lapwing.arrivals import arrivals_of
 from lapwing.codes import EventKind, MotionState
 from lapwing.engine import CYCLE_NAMES
 from lapwing.studies.orbit import NoOrbit, find_orbit
 from lapwing.studies.period import REPEAT_TOLERANCE
 from lapwing.studies.stability import CycleMaps, findings
 
-IMPACTS = (EventKind.IMPACT, EventKind.BACK_IMPACT)
 # Motion state that begins with an event.
 BEGINS = {EventKind.RELEASE: MotionState.SEPARATION, EventKind.BACK_RELEASE: MotionState.SEPARATION,
           EventKind.ENGAGE: MotionState.ENGAGEMENT, EventKind.CHATTER_END: MotionState.ENGAGEMENT,
@@ -55,27 +55,29 @@ def shares_of_time(log, states, period):
     return dict(zip(SHARES, shares.T, strict=True))
 
 
-def fastest_impacts(log, cycles, natural_frequency):
-    """Largest approach speed of each mesh cycle's impacts, rad/s; 0 without any."""
+def fastest_arrivals(log, cycles, natural_frequency, contact_law):
+    """Largest approach speed of each mesh cycle's arrivals, rad/s; 0 without any."""
     fastest = np.zeros(cycles)
-    impacts = log[np.isin(log[:, 0], IMPACTS)]
-    np.maximum.at(fastest, impacts[:, 1].astype(int), natural_frequency * np.abs(impacts[:, 4]))
+    rows = log[np.isin(log[:, 0], arrivals_of(contact_law).kinds)]
+    np.maximum.at(fastest, rows[:, 1].astype(int), natural_frequency * np.abs(rows[:, 4]))
     return fastest
 
 
 def impact_attributes(osc, pair, log, mesh_force_peak):
-    """Mean approach speed (rad/s) and mean energy loss (J) of an impact, and the dynamic factor.
+    """Mean approach speed (rad/s) and mean energy loss (J) of an arrival, and the dynamic factor.
 
     The dynamic factor is the peak mesh force over the force that the torques alone would give.
-    What there is not (no impact, no torque, no spring) is left out.
+    What there is not (no arrival, no energy lost in an instant, no torque, no spring) is left out.
     """
-    before, after = log[np.isin(log[:, 0], IMPACTS)][:, 4:6].T
+    law = arrivals_of(osc.contact_law)
+    before, after = log[np.isin(log[:, 0], law.kinds)][:, 4:6].T
     energy = 0.5 * pair.torsional_stiffness * (before**2 - after**2)
     static = pair.mesh_stiffness * pair.pinion_base_lever * abs(osc.force)
     found = {}
     if before.size:
-        found = {"impact_speed_mean": float(pair.natural_frequency * np.abs(before).mean()),
-                 "energy_per_impact": float(energy.mean())}
+        found = {"impact_speed_mean": float(pair.natural_frequency * np.abs(before).mean())}
+        if law.threshold:  # the compliant law's engagements take nothing by themselves
+            found["energy_per_impact"] = float(energy.mean())
     if static and math.isfinite(mesh_force_peak):
         found["dynamic_factor"] = mesh_force_peak / static
     return found

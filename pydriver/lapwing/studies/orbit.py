@@ -11,10 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lapwing import arguments
+from lapwing.arguments import MAX_INT
 from lapwing.codes import MotionState, Status
-from lapwing.engine import CYCLE_NAMES, Numerics, TrajectoryCall, Wanted
+from lapwing.engine import CYCLE_NAMES, REST, Numerics, TrajectoryCall, Wanted
+from lapwing.oscillator import Oscillator
 from lapwing.studies.stability import CycleMaps, Multipliers, multiplied, multipliers
-from lapwing.studies.trajectory import check_start, engine_start
+from lapwing.studies.trajectory import checked_start, engine_start
 
 # The numerics of an orbit: nothing is lost to tolerances.
 NUMERICS = Numerics(rtol=1e-13, chatter_tol=1e-13)
@@ -29,7 +32,17 @@ DEPTH, PHI, PHI_DOT = (CYCLE_NAMES.index(name)
 
 
 class NoOrbit(RuntimeError):
-    """Newton's method has not found a periodic motion; the message says how far it came."""
+    """Newton's method has not found a periodic motion; the message says how far it came.
+
+    `value` is that of the parameter where one was followed, named in the message too, else None.
+    """
+
+    def __init__(self, message: str, value: float | None = None):
+        super().__init__(message)
+        self.value = value
+
+    def __reduce__(self):
+        return type(self), (str(self), self.value)
 
 
 @dataclass(frozen=True)
@@ -67,10 +80,14 @@ def settled_state(osc, cycles, start="rest", *, numerics=NUMERICS):
 
     Raises
     ------
+    TypeError, ValueError
+        for a refused argument.
     NoOrbit
         where the run fails numerically.
     """
-    call = TrajectoryCall(osc, (*engine_start(osc, start), 0.0), numerics=numerics,
+    cycles = _checked(osc, cycles, numerics)
+    start = engine_start(osc, checked_start(osc, start, 0.0))
+    call = TrajectoryCall(osc, (*start, 0.0), numerics=numerics,
                           wanted=Wanted())
     call.run((cycles, 0.0), [])
     if call.status != Status.OK:
@@ -99,10 +116,16 @@ def find_orbit(osc, start, cycles=1, *, numerics=NUMERICS):
 
     Raises
     ------
+    TypeError, ValueError
+        for a refused argument.
     NoOrbit
         where it does not converge, or every motion nearby is lost.
     """
+    cycles = _checked(osc, cycles, numerics)
     numbers = engine_start(osc, start)
+    if numbers[0] == REST:
+        raise ValueError("start = 'rest', expected (motion_state, phi, phi_dot): the motion state "
+                         "is that of the section; settled_state gives one")
     state, x = MotionState(int(numbers[0])), np.array(numbers[1:])
     here = _cycle_map(osc, state, x, cycles, numerics)
     for _ in range(MOST_STEPS):
@@ -127,6 +150,18 @@ def find_orbit(osc, start, cycles=1, *, numerics=NUMERICS):
     return _orbit(osc, state, here, cycles, numerics)
 
 
+def _checked(osc, cycles, numerics):
+    """The mesh cycles of an orbit, after a look at what else enters."""
+    arguments.instance("osc", osc, Oscillator)
+    arguments.instance("numerics", numerics, Numerics)
+    return arguments.whole("cycles", cycles, 1, MAX_INT // 4)
+
+
+def _made(make, value):
+    """The oscillator at a value of the parameter."""
+    return arguments.instance("make(value)", make(value), Oscillator)
+
+
 @dataclass(frozen=True)
 class _Mapped:
     """One evaluation of the map from x, all in rad (per τ): where it leads, its run and miss."""
@@ -143,9 +178,10 @@ def _cycle_map(osc, state, x, cycles, numerics):
     """The map from a state; None where it is no start or ends in another motion state."""
     start = (state, *x)
     try:
-        check_start(osc, start, 0.0)
+        _, *put = checked_start(osc, start, 0.0)
     except ValueError:
         return None
+    x = np.array(put)
     call = TrajectoryCall(osc, (float(state), *x, 0.0), numerics=numerics,
                           wanted=Wanted(cycles=True, tangent=True))
     call.run((cycles, 0.0), [])
@@ -187,6 +223,12 @@ def _orbit(osc, state, here, cycles, numerics):
                  multipliers(here.maps, here.size), here.call.cycles, here.maps)
 
 
+class Followed(list):
+    """Orbits along a parameter; `lost` says why there are fewer than values, else None."""
+
+    lost: str | None = None
+
+
 def follow(make, values, start, cycles=1, *, numerics=NUMERICS):
     """Continue a periodic motion over values of a parameter, one Newton from the next.
 
@@ -199,25 +241,45 @@ def follow(make, values, start, cycles=1, *, numerics=NUMERICS):
 
     Returns
     -------
-    list of Orbit, one for each value; it ends early where the motion is lost
+    Followed
+        a list of Orbit, one for each value; it ends early where the motion is lost, and its
+        attribute `lost` says then why, naming the value
+
+    Raises
+    ------
+    TypeError, ValueError
+        for a refused argument; a motion that is lost raises nothing.
     """
-    orbits = []
+    arguments.function("make", make)
+    values = [float(value) for value in arguments.reals("values", values, ndim=1, empty=True)]
+    orbits = Followed()
     for value in values:
         if len(orbits) > 1:
             start = _predicted(values, orbits, value)
         elif orbits:
             start = orbits[-1].state
         try:
-            orbits.append(find_orbit(make(value), start, cycles, numerics=numerics))
-        except NoOrbit:
+            orbits.append(_found_at(make, value, start, cycles, numerics))
+        except NoOrbit as error:
+            orbits.lost = str(error)
             if len(orbits) < 2:
                 break
             try:
-                orbits.append(find_orbit(make(value), orbits[-1].state, cycles,
-                                         numerics=numerics))
-            except NoOrbit:
+                orbits.append(_found_at(make, value, orbits[-1].state, cycles, numerics))
+            except NoOrbit as second:
+                orbits.lost = str(second)
                 break
+            orbits.lost = None
     return orbits
+
+
+def _found_at(make, value, start, cycles, numerics):
+    """`find_orbit` at a value of the parameter, which a failure names."""
+    osc = _made(make, value)
+    try:
+        return find_orbit(osc, start, cycles, numerics=numerics)
+    except NoOrbit as error:
+        raise NoOrbit(f"at parameter value {value:.10g}: {error}", value) from error
 
 
 def _predicted(values, orbits, value):
@@ -253,19 +315,23 @@ def period_doubling(make, low, high, start, cycles=1, *, numerics=NUMERICS):
 
     Raises
     ------
+    TypeError, ValueError
+        for a refused argument.
     NoOrbit
         where the motion is lost on the way, or its multiplier does not pass -1 in between.
     """
     from scipy.optimize import brentq
 
+    arguments.function("make", make)
+    low, high = arguments.real("low", low), arguments.real("high", high)
     known = {}
 
     def distance(value):
         nearest = min(known, key=lambda other: abs(other - value), default=None)
-        orbit = find_orbit(make(value), known[nearest].state if known else start, cycles,
-                           numerics=numerics)
+        orbit = _found_at(make, value, known[nearest].state if known else start, cycles, numerics)
         if orbit.cycles != cycles:
-            raise NoOrbit(f"at {value:.10g} the motion repeats after {orbit.cycles} mesh cycles")
+            raise NoOrbit(f"at parameter value {value:.10g} the motion repeats after "
+                          f"{orbit.cycles} mesh cycles", value)
         known[value] = orbit
         return flip_distance(orbit)
 
@@ -293,9 +359,13 @@ def cascade(make, low, high, start, doublings, *, cycles=1, settle=400, numerics
 
     Raises
     ------
+    TypeError, ValueError
+        for a refused argument.
     NoOrbit
         where already the first doubling is not found.
     """
+    doublings = arguments.whole("doublings", doublings, 1, 100)
+    settle = arguments.whole("settle", settle, 1, 10_000_000)
     found = [period_doubling(make, low, high, start, cycles, numerics=numerics)]
     step = 0.25 * (high - found[0][0])
     while len(found) < doublings:
@@ -319,7 +389,7 @@ def _around_flip(make, value, step, orbit, numerics):
     """
     for _ in range(MOST_FOLLOWED):
         try:
-            ahead = find_orbit(make(value + step), orbit.state, orbit.cycles, numerics=numerics)
+            ahead = _found_at(make, value + step, orbit.state, orbit.cycles, numerics)
         except NoOrbit:
             ahead = None
         if ahead is None or ahead.cycles != orbit.cycles:
@@ -328,7 +398,7 @@ def _around_flip(make, value, step, orbit, numerics):
             return value, value + step, orbit.state
         else:
             value, orbit = value + step, ahead
-    raise NoOrbit(f"no doubling found up to {value:.10g}")
+    raise NoOrbit(f"no doubling found up to parameter value {value:.10g}", value)
 
 
 def _doubled(make, value, orbit, settle, numerics):
@@ -339,10 +409,10 @@ def _doubled(make, value, orbit, settle, numerics):
     settled = settled_state(osc, settle * twice, beside, numerics=numerics)
     doubled = find_orbit(osc, settled, twice, numerics=numerics)
     if doubled.cycles != twice:
-        raise NoOrbit(f"at {value:.10g} the motion still repeats after {doubled.cycles} mesh "
-                      "cycles")
+        raise NoOrbit(f"at parameter value {value:.10g} the motion still repeats after "
+                      f"{doubled.cycles} mesh cycles", value)
     return doubled
 
 
-__all__ = ["NoOrbit", "Orbit", "cascade", "find_orbit", "flip_distance", "follow",
+__all__ = ["Followed", "NoOrbit", "Orbit", "cascade", "find_orbit", "flip_distance", "follow",
            "period_doubling", "settled_state"]

@@ -13,17 +13,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lapwing import engine
+from lapwing import arguments, engine, estimates
+from lapwing.arguments import MAX_INT, Refusals
+from lapwing.arrivals import arrivals_of
 from lapwing.codes import EventKind, MotionState, Status
 from lapwing.engine import CYCLE_NAMES, Numerics, TrajectoryCall, Wanted
 from lapwing.studies import motion
+from lapwing.studies.intervals import mean_interval
+from lapwing.studies.mesh_force import (
+    contact_forces,
+    deflection,
+    flank_motion,
+    sample_phases,
+)
 from lapwing.studies.period import MAX_PERIOD, find_period, motion_class
 from lapwing.studies.sweep import LABELS
-from lapwing.studies.trajectory import check_start, engine_start
+from lapwing.studies.trajectory import checked_start, engine_start
 
-# Spacing h in τ of the states behind mean and peak force.  Cubic Hermite pieces miss the peak of
-# an oscillation of unit frequency by h⁴/384 = 3e-7 of its amplitude, the mean by h⁴/720.
-FORCE_SPACING = 0.1
 # Averages over cycles, and largest values over cycles.
 MEANS = ("impacts_per_cycle", "back_impacts_per_cycle", "resolved_impacts_per_cycle",
          "resolved_back_impacts_per_cycle", "chatter_ends_per_cycle", "mesh_force_mean",
@@ -31,6 +37,10 @@ MEANS = ("impacts_per_cycle", "back_impacts_per_cycle", "resolved_impacts_per_cy
 PEAKS = ("deepest_separation", "deepest_back_penetration", "mesh_force_peak", "impact_speed_max")
 FLOATS = ("phi", "phi_dot", "deepest_separation", "deepest_back_penetration")
 TIGHTEST_RTOL = 1e-13
+# The difference of two runs is the error of the worse one, less the better one's: a quarter more
+# (Roache 1994, J. Fluids Eng. 116, 405-413). Rounding: of the sums of a cycle's arcs.
+SAFETY = 1.25
+ROUNDING = 64 * float(np.finfo(float).eps)
 
 
 def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, record_cycles=100,
@@ -44,11 +54,15 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
     1. Follow the motion over the cycles to settle, recording nothing; whole cycles are recorded,
        so that with a start phase above 0 settling ends with the cycle under way.
     2. Record events, statistics of each cycle and samples in one pass of the engine.
-    3. Mesh force: cubic Hermite pieces between samples and contact events (force and its rate are
-       known at both ends), integrated and searched for extremes.
-    4. Do the same with rk4 at rtol/100 (1e-13 at least; 100·rtol below 1e-12): `X_error` is the
-       difference.
+    3. Mesh force: mean by momentum and peak from the known motion of each contact arc
+       (`mesh_force`); no sampling enters.
+    4. Do the same with rk4 at rtol/100 (1e-13 at least; 100·rtol below 1e-12): `X_change` is the
+       difference of the two runs, a change and no interval.
        `X_transient` is the second half of the recorded cycles less the first.
+    5. `X_error`, by `error_kind`. 'convergence': of a motion that repeats, 1.25 times the change,
+       the transient and rounding together. 'statistical': of any other, half of the 95 % interval
+       of an average over cycles (`intervals.mean_interval`); NaN, not known, where the record is
+       too short for it and for a largest value, which grows with the record.
 
     Parameters
     ----------
@@ -83,11 +97,13 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
     """
     _check(phase, settle_cycles=settle_cycles, record_cycles=record_cycles,
            samples_per_cycle=samples_per_cycle, max_period=max_period)
-    check_start(osc, start, phase)
+    estimates.require(estimates.response_bytes(record_cycles, samples_per_cycle, exponents),
+                      "response", "record_cycles or samples_per_cycle")
+    start = checked_start(osc, start, phase)
     tolerances = {"count_depth": count_depth, "chatter_tol": chatter_tol,
                   "max_events_per_cycle": max_events_per_cycle,
                   "max_steps_per_cycle": max_steps_per_cycle}
-    grid, stored = _sample_phases(osc, samples_per_cycle)
+    grid, stored = sample_phases(osc, samples_per_cycle)
     span = (settle_cycles + (phase > 0), record_cycles)
     other = max(rtol / 100, TIGHTEST_RTOL) if rtol >= 10 * TIGHTEST_RTOL else 100 * rtol
     numerics = Numerics(method=method, rtol=rtol, **tolerances)
@@ -115,24 +131,11 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
 
 
 def _check(phase, **whole):
-    problems = [f"{key} = {value!r}, a whole number >= {int(key != 'settle_cycles')} is meant"
-                for key, value in whole.items() if not isinstance(value, int | np.integer)
-                or not int(key != "settle_cycles") <= value < engine.MAX_INT // 4]
-    if not 0 <= phase < 1:
-        problems.append(f"phase = {phase!r}, 0 <= phase < 1 is meant")
-    if problems:
-        raise ValueError("response: " + "; ".join(problems))
-
-
-def _sample_phases(osc, samples_per_cycle):
-    """Phases to sample, even and where g'' jumps, and which of them are the even ones stored."""
-    each = math.ceil(osc.period / (FORCE_SPACING * samples_per_cycle))
-    even = np.arange(samples_per_cycle * each) / (samples_per_cycle * each)
-    knots = osc.te.knots[:-1]
-    curvature = [osc.te.curvature(knots, side) for side in ("left", "right")]
-    jumps = np.abs(curvature[1] - curvature[0]) > 1e-9 * np.max(np.abs(curvature))
-    grid = np.union1d(even, knots[jumps | osc.te.kinks])
-    return grid, np.searchsorted(grid, np.arange(samples_per_cycle) / samples_per_cycle)
+    taken = Refusals()
+    for key, value in whole.items():
+        taken.take(arguments.whole, key, value, int(key != "settle_cycles"), MAX_INT // 4)
+    taken.take(arguments.phase, "phase", phase)
+    taken.raise_if_any("response")
 
 
 @dataclass(frozen=True)
@@ -217,23 +220,39 @@ class _Outcome:
         return float(np.mean(values[end - window:end]))
 
 
+    def error(self, key, change):
+        """What is known of a number's error: of one that repeats, or of an average (NaN: nothing).
+
+        `change` is the difference from the other run.
+        """
+        if not self.period:
+            return mean_interval(self.by_cycle[key]).half_width if key in MEANS else math.nan
+        size = self.number("mesh_force_peak" if key == "mesh_force_mean" else key)
+        counted = key in MEANS[:5]
+        return SAFETY * change + abs(self.transient(key)) \
+            + (0.0 if counted else ROUNDING * abs(size))
+
+    def transient(self, key):
+        """The second half of the record less the first; NaN where it has no two."""
+        return self.number(key, 1) - self.number(key, 0)
+
+
 def _by_cycle(osc, pair, recording, column):
     """Arrays (record,) of every number whose mean or maximum is summarised."""
     newton = pair.mesh_stiffness * pair.pinion_base_lever
     record = len(recording.cycles)
-    mean, peak = _contact_forces(osc, recording)
+    mean, peak = contact_forces(osc, recording)
     force, energy = np.zeros(record), np.zeros(record)
     impacts = np.isin(recording.log[:, 0], (EventKind.IMPACT, EventKind.BACK_IMPACT))
     _, cycle, _, _, before, after = recording.log[impacts].T
     np.add.at(force, cycle.astype(int), newton * (before - after) / osc.period)
     np.add.at(energy, cycle.astype(int), 0.5 * pair.torsional_stiffness * (before**2 - after**2))
-    fastest = motion.fastest_impacts(recording.log, record, pair.natural_frequency)
+    fastest = motion.fastest_arrivals(recording.log, record, pair.natural_frequency,
+                                      osc.contact_law)
     if recording.status != Status.OK:
         force, energy, fastest = force * np.nan, energy * np.nan, fastest * np.nan
-    # Without restitution nothing is an impact; there each arrival of a free tooth counts.
-    counts = (("engages", "back_engages", "engages", "back_engages")
-              if osc.contact_law == "compliant" else
-              ("counted_impacts", "counted_back_impacts", "impacts", "back_impacts"))
+    law = arrivals_of(osc.contact_law)
+    counts = (law.drive, law.coast, law.every_drive, law.every_coast)
     return {**dict(zip(MEANS[:4], (column[key] for key in counts), strict=True)),
             "chatter_ends_per_cycle": column["chatter_ends"] + column["back_chatter_ends"],
             "mesh_force_mean": newton * mean, "mesh_force_peak": newton * peak,
@@ -244,101 +263,18 @@ def _by_cycle(osc, pair, recording, column):
             **motion.shares_of_time(recording.log, column["motion_state"], osc.period)}
 
 
-def _contact_forces(osc, recording):
-    """Mean and largest magnitude of W/(k'·lever) in each cycle, rad; impacts not included."""
-    record = len(recording.cycles)
-    result = np.full((2, record), np.nan)
-    if recording.status != Status.OK or osc.contact_law == "rigid":
-        return result
-    phase = np.append(recording.grid, 1.0)
-    flank = {side: _flank_motion(osc, phase, side) for side in ("left", "right")}
-    log = recording.log[(recording.log[:, 0] >= EventKind.RELEASE)
-                        & (recording.log[:, 0] <= EventKind.BACK_CHATTER_END)]
-    for m in range(record):
-        samples = recording.samples[m * recording.grid.size:][:phase.size]
-        events = log[log[:, 1] == m]
-        t = np.append(events[:, 2], phase * osc.period)
-        # Stable: an event comes before a sample at the same time, which sees the state after it.
-        order = np.argsort(t, kind="stable")
-        left, right = (np.hstack(sides)[:, order] for sides in zip(
-            _event_nodes(osc, events), _sample_nodes(osc, samples, flank), strict=True))
-        same = (right[0, :-1] == left[0, 1:]) & (right[0, :-1] > 0)
-        total, peak = _hermite(np.diff(t[order])[same], right[1:, :-1][:, same],
-                               left[1:, 1:][:, same])
-        result[:, m] = total.sum() / osc.period, peak.max(initial=0.0)
-    return result
-
-
-def _flank_motion(osc, phase, side="right"):
-    """g, g', g'' (rad, per τ, per τ²) of the drive flank; `side` tells the limit at a knot."""
-    return [osc.flank_scale / osc.period**k * osc.te.derivative(k, phase, side)
-            for k in range(3)]
-
-
-def _node(osc, state, deflection, rate, curvature):
-    """Motion state, force and rate of the force at one side of some instants, (3, n).
-
-    W/(k'·lever) = d + 2ξd' and d'' = F - g'' - 2ξd' - d, without g'' at a standing coast flank.
-    """
-    standing = (state == MotionState.BACK_ENGAGEMENT) & (not osc.back_flank_te)
-    force = deflection + 2 * osc.damping_ratio * rate
-    acceleration = osc.force - np.where(standing, 0.0, curvature) - force
-    return np.array([state, force, rate + 2 * osc.damping_ratio * acceleration])
-
-
-def _sample_nodes(osc, samples, flank):
-    """Left and right side of samples; θ' is continuous where g' jumps."""
-    state, phi, phi_dot = samples.T
-    for g, slope, curvature in (flank["left"], flank["right"]):
-        left = phi_dot + flank["right"][1] - slope
-        yield _node(osc, state, *_deflection(osc, state, phi, left, g, slope), curvature)
-
-
-def _deflection(osc, state, phi, phi_dot, g, slope):
-    """Deflection of the flank in contact and its rate, rad and rad per τ."""
-    coast = state == MotionState.BACK_ENGAGEMENT
-    standing = coast & (not osc.back_flank_te)
-    return (np.where(coast, phi + osc.gap_width, phi) + np.where(standing, g, 0.0),
-            phi_dot + np.where(standing, slope, 0.0))
-
-
-def _event_nodes(osc, events):
-    """Left side of the ends of contact and right side of its beginnings; d = 0 there."""
-    kind, _, t, _, before, after = events.T
-    state = np.where(kind % 2 == 1, int(MotionState.ENGAGEMENT), int(MotionState.BACK_ENGAGEMENT))
-    ends = kind <= EventKind.BACK_RELEASE
-    phase = np.minimum(t / osc.period, 1.0)
-    for wanted, rate, side in ((ends, before, "left"), (~ends, after, "right")):
-        curvature = _flank_motion(osc, phase, side)[2]
-        yield _node(osc, np.where(wanted, state, 0), np.zeros(kind.size), rate, curvature)
-
-
-def _hermite(width, left, right):
-    """Integral and largest magnitude of cubic pieces given by value and slope at both ends."""
-    a, b = width * left[1], width * right[1]
-    rise = right[0] - left[0]
-    integral = width * (0.5 * (left[0] + right[0]) + (a - b) / 12)
-    c2, c3 = 3 * rise - 2 * a - b, a + b - 2 * rise
-    half = -(c2 + np.copysign(np.sqrt(np.maximum(c2**2 - 3 * a * c3, 0)), c2))
-    largest = np.maximum(np.abs(left[0]), np.abs(right[0]))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for at in (half / (3 * c3), a / half):
-            at = np.clip(np.nan_to_num(at, nan=0.0), 0, 1)
-            largest = np.maximum(largest, np.abs(left[0] + at * (a + at * (c2 + at * c3))))
-    return integral, largest
-
-
 def _findings(main, reference):
     """The summary's numbers, each with its two error estimates."""
     status = main.recording.status
     attrs = {"status": int(status), "status_meaning": status.name.lower(),
              "status_reference": int(reference.recording.status), "period": main.period,
              "motion_class": main.motion_class, "motion_class_reference": reference.motion_class,
-             "error_kind": "convergence" if main.period and reference.period else "statistical"}
+             "error_kind": "convergence" if main.period else "statistical"}
     for key in (*MEANS, *PEAKS):
         attrs[key] = main.number(key)
-        attrs[f"{key}_error"] = abs(main.number(key) - reference.number(key))
-        attrs[f"{key}_transient"] = main.number(key, 1) - main.number(key, 0)
+        attrs[f"{key}_change"] = abs(main.number(key) - reference.number(key))
+        attrs[f"{key}_transient"] = main.transient(key)
+        attrs[f"{key}_error"] = main.error(key, attrs[f"{key}_change"])
     visited = np.bitwise_or.reduce(main.by_cycle["states_visited"].astype(int)) \
         if status == Status.OK else 0
     return attrs | {"states_visited": int(visited),
@@ -363,10 +299,9 @@ def _sample_columns(osc, pair, recording, stored, second):
     cycle = np.repeat(np.arange(record), stored.size)
     rows = recording.samples[:-1].reshape(record, -1, 3)[:, stored]
     state, phi, phi_dot = rows.reshape(-1, 3).T
-    g, slope, _ = _flank_motion(osc, phase)
-    deflection, rate = _deflection(osc, state, phi, phi_dot, g, slope)
-    force = pair.mesh_stiffness * pair.pinion_base_lever * (
-        deflection + 2 * osc.damping_ratio * rate)
+    g, slope = flank_motion(osc, phase)
+    depth, rate = deflection(osc, state, phi, phi_dot, g, slope)
+    force = pair.mesh_stiffness * pair.pinion_base_lever * (depth + 2 * osc.damping_ratio * rate)
     force = np.where(state == MotionState.SEPARATION, 0.0, force)
     if osc.contact_law == "rigid":
         force = force * np.nan

@@ -15,13 +15,12 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from lapwing.engine import TANGENT_NAMES
+from lapwing.studies.intervals import mean_interval
 
 # A matrix is wrong by η/(2d), relatively, when the state is known to η only and some impact of the
 # cycle was a graze that went d deep.  Periodic states repeat to η = 1e-8 of the motion's size
 # (`period.REPEAT_TOLERANCE`): below this d, of the same size, the multiplier is wrong by 1 %.
 GRAZE_LIMIT = 5e-7
-# Batches behind the error of an average over an aperiodic motion, and Student's t for 95 %.
-BATCHES, STUDENT_T = 16, 2.131
 # Cycles before such an average, for the deviation to turn into the direction that grows most: a
 # fifth of the record, at most so many.
 MOST_ALIGNING = 100
@@ -110,14 +109,17 @@ class Exponents:
     Attributes
     ----------
     largest, second : float; -inf for what is lost, NaN where `warning` says why
-    error : float, of the largest: 95 % by the means of 16 batches (longer correlations are not
-        seen), or, of a periodic motion, the change from one repetition to the next
+    error : float, of the largest: half of the 95 % interval (`intervals.mean_interval`), NaN where
+        the record is too short for it; or, of a periodic motion, the change from one repetition
+        to the next
     running : array (n,), the largest as averaged up to each cycle after the aligning ones; empty
         for a periodic motion
     rank : int, least rank of a cycle's matrix
     grazes : int, cycles with an impact too near to grazing for a linear map
     period : float, mesh period in τ
     warning : str
+    effective : float, independent cycles that would tell as much; NaN where that is not known, and
+        of a periodic motion
     """
 
     largest: float
@@ -128,6 +130,7 @@ class Exponents:
     grazes: int
     period: float
     warning: str = ""
+    effective: float = math.nan
 
     @property
     def per_cycle(self):
@@ -253,16 +256,9 @@ def exponents(maps, period=0, scale=math.inf, grown=None):
     largest = float(running[-1])
     second = float(np.mean(maps.log_det[start:]) / maps.period) - largest \
         if rank == 2 else -math.inf
-    return Exponents(largest, second, batch_error(kept), running, rank, near, maps.period)
-
-
-def batch_error(values):
-    """Half of the 95 % interval of a mean, by the means of 16 batches; NaN where it cannot be."""
-    length = len(values) // BATCHES
-    if length < 2 or not np.all(np.isfinite(values)):
-        return math.nan
-    means = values[-length * BATCHES:].reshape(BATCHES, length).mean(axis=1)
-    return float(STUDENT_T * means.std(ddof=1) / math.sqrt(BATCHES))
+    known = mean_interval(kept)
+    return Exponents(largest, second, known.half_width, running, rank, near, maps.period,
+                     effective=known.effective)
 
 
 def sum_rule(maps, osc):
@@ -324,6 +320,7 @@ def findings(maps, osc, period, scale, grown=None):
     determinant, rule = defects(maps, osc)
     values = multipliers(maps[-period:], scale).values if period else np.full(2, complex(np.nan))
     return {"lyapunov_exponent": found.largest, "lyapunov_exponent_error": found.error,
+            "lyapunov_exponent_effective": found.effective,
             "lyapunov_exponent_per_cycle": found.per_cycle[0],
             "second_lyapunov_exponent": found.second, "tangent_rank": found.rank,
             "near_grazes": found.grazes, "determinant_defect": float(determinant.max()),

@@ -6,14 +6,17 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from lapwing import engine
+from lapwing import arguments, engine, estimates
+from lapwing.arguments import Refusals
+from lapwing.arrivals import arrivals_of
 from lapwing.codes import EventKind, Status
 from lapwing.engine import CYCLE_NAMES, Numerics, Wanted, work_counts
 from lapwing.gear_pair import GearPair
 from lapwing.stability_names import NUMBERS
 from lapwing.studies.period import find_period, motion_class
 from lapwing.studies.stability import CycleMaps, findings, growth
-from lapwing.threads import default_threads
+from lapwing.threads import checked_threads, usable_threads
+from lapwing.transmission_error import TransmissionError
 
 STARTS = ("rest", "up", "down")
 RECORDS = ("cycles", "impacts", "exponents", "speeds", "spectra")
@@ -61,7 +64,8 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
     phase : float, mesh phase at the start
     method, rtol, chatter_tol, count_depth, max_events_per_cycle, max_steps_per_cycle :
         see `Numerics`
-    threads : int or None; default `default_threads()`; results do not depend on it
+    threads : int or None; default `threads.default_threads`; no result depends on it, and
+        `threads.usable_threads` says how many are begun: one in a process born by fork
     progress : callable(fraction done) or None
     keep_interrupted : bool, whether Ctrl-C returns what is finished (attribute `interrupted`,
         status UNFINISHED) instead of raising KeyboardInterrupt
@@ -74,15 +78,21 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         for every refused argument, the oscillator's own refusals included.
     """
-    values = _check(parameter, values, starts, settle, record, observe, max_impacts)
+    values, starts, observe = _check(pair, te, parameter, values, starts, settle, record, observe,
+                                     max_impacts, phase, progress, keep_interrupted)
+    settle, record, max_impacts, phase = int(settle), int(record), int(max_impacts), float(phase)
+    threads = checked_threads(threads)
     numerics = Numerics(method=method, rtol=rtol, chatter_tol=chatter_tol, count_depth=count_depth,
                         max_events_per_cycle=max_events_per_cycle,
                         max_steps_per_cycle=max_steps_per_cycle)
     wanted = Wanted(cycles="cycles" in observe, strobe=True, impacts="impacts" in observe,
                     tangent="exponents" in observe)
+    estimates.require(estimates.sweep_bytes(
+        len(values) * len(starts), record, wanted.cycles or wanted.strobe, wanted.impacts,
+        wanted.tangent, max_impacts), "sweep", "values, starts, record or max_impacts")
     oscillators = [oscillator_at(pair, te, parameter, value, operation) for value in values]
     if any(osc.force < 0 and osc.gap == "one_flank" for osc in oscillators):
         raise ValueError("sweep: rest with a negative force needs a coast flank to rest on")
@@ -92,10 +102,11 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
     result = engine.sweep(
         oscillators * len(starts), lines, [(engine.REST, 0, 0, phase)] * len(lines),
         numerics=numerics, wanted=wanted, settle=settle, record=record, log_room=max_impacts,
-        threads=threads or default_threads(), progress=progress,
+        threads=threads, progress=progress,
         keep_interrupted=keep_interrupted)
     data = _dataset(result, oscillators, parameter, values, starts, wanted, phase,
-                    {"settle": settle, "record": record, "rtol": rtol,
+                    {"contact_law": oscillators[0].contact_law, "settle": settle,
+                     "record": record, "rtol": rtol,
                      "method": engine.common_method(oscillators, numerics),
                      "count_depth": count_depth, "interrupted": int(result.interrupted)})
     if "spectra" in observe:
@@ -103,29 +114,33 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
     return data
 
 
-def _check(parameter, values, starts, settle, record, observe, max_impacts):
-    """Sorted values, or every problem at once."""
-    problems = []
-    values = np.unique(np.asarray(values, dtype=float).ravel())
-    if values.size == 0 or not np.all(np.isfinite(values)):
-        problems.append("values must be finite numbers, at least one")
-    for key, given, allowed in (("starts", starts, STARTS), ("observe", observe, RECORDS)):
-        if isinstance(given, str) or not set(given) <= set(allowed) \
-                or len(set(given)) != len(given):
-            problems.append(f"{key} = {given!r}, a tuple of {', '.join(allowed)} is meant")
-    if not starts:
-        problems.append("starts is empty")
-    if "exponents" in observe and "cycles" not in observe:
-        problems.append("observe: 'exponents' wants 'cycles' beside it")
+def _check(pair, te, parameter, values, starts, settle, record, observe, max_impacts, phase,
+           progress, keep_interrupted):
+    """Sorted values, starts and records, or every problem at once."""
+    taken = Refusals()
+    taken.take(arguments.instance, "pair", pair, GearPair)
+    taken.take(arguments.instance, "te", te, TransmissionError)
+    taken.take(arguments.choice, "parameter", parameter, parameters())
+    values = taken.take(arguments.reals, "values", values)
+    starts = taken.take(arguments.choices, "starts", starts, STARTS, least=1)
+    observe = taken.take(arguments.choices, "observe", observe, RECORDS)
     for key, given, least in (("settle", settle, 0), ("record", record, 1),
                               ("max_impacts", max_impacts, 1)):
-        if not (isinstance(given, int | np.integer) and least <= given < engine.MAX_INT):
-            problems.append(f"{key} = {given!r}, a whole number >= {least} is meant")
-    if not isinstance(parameter, str):
-        problems.append(f"parameter = {parameter!r}, a name is meant")
-    if problems:
-        raise ValueError("sweep: " + "; ".join(problems))
-    return values
+        taken.take(arguments.whole, key, given, least)
+    taken.take(arguments.phase, "phase", phase)
+    taken.take(arguments.flag, "keep_interrupted", keep_interrupted)
+    if progress is not None:
+        taken.take(arguments.function, "progress", progress)
+    if observe and "exponents" in observe and "cycles" not in observe:
+        taken.problems.append("observe: 'exponents' wants 'cycles' beside it")
+    taken.raise_if_any("sweep")
+    return np.unique(values), starts, observe
+
+
+def parameters():
+    """Names of the numbers that may be varied: of the pair, of its operating point."""
+    return (*(field.name for field in fields(GearPair)), "brake_torque", "drive_torque",
+            "pinion_speed_rpm", "pinion_speed_rad_s", "mesh_frequency_hz")
 
 
 def oscillator_at(pair, te, parameter, value, operation):
@@ -165,7 +180,8 @@ def _dataset(result, oscillators, parameter, values, starts, wanted, phase, attr
         data[name] = ((*by_point, "recorded_cycle"), table)
     if wanted.cycles:
         data["period"] = (by_point, _periods(tables, oscillators))
-        data["motion_class"] = (by_point, _classes(tables, data["period"][1], oscillators))
+        data["motion_class"] = (by_point, _classes(tables, data["period"][1], data["status"][1],
+                                                   oscillators[0].contact_law))
     if wanted.tangent:
         data |= _stability(result, tables, data["period"][1], oscillators, by_point)
     if wanted.impacts:
@@ -200,15 +216,14 @@ def _periods(tables, oscillators):
     return periods
 
 
-def _classes(tables, periods, oscillators):
-    """Class of each point, `period.motion_class`; without restitution arrivals are counted."""
-    counts = ("engages", "back_engages") if oscillators[0].contact_law == "compliant" else (
-        "counted_impacts", "counted_back_impacts")
+def _classes(tables, periods, status, contact_law):
+    """Class of each point, `period.motion_class`, by the arrivals of the law."""
+    law = arrivals_of(contact_law)
     drive, coast, ends, back_ends = (tables[..., CYCLE_NAMES.index(name)] for name in (
-        *counts, "chatter_ends", "back_chatter_ends"))
-    classes = np.full(periods.shape, "failed", dtype=object)
+        law.drive, law.coast, "chatter_ends", "back_chatter_ends"))
+    classes = np.where(status == Status.UNFINISHED, "unfinished", "failed").astype(object)
     for at in np.ndindex(*periods.shape):
-        if np.all(np.isfinite(drive[at])):
+        if status[at] == Status.OK:
             classes[at] = motion_class(int(periods[at]), drive[at], coast[at],
                                        np.any(ends[at] + back_ends[at] > 0))
     return classes.astype(str)
@@ -241,7 +256,7 @@ def _with_spectra(data, result, oscillators, numerics, threads):
 
     orders, amplitudes = spectra(
         oscillators, result.outcome[:, [0, 2, 3, 4]], data.attrs["phase"], numerics=numerics,
-        threads=threads or default_threads())
+        threads=usable_threads(threads, len(oscillators)))
     by_point = data["status"].dims
     count = data.sizes[by_point[1]]
     ratio = [osc.mesh_frequency_ratio for osc in oscillators[:count]]

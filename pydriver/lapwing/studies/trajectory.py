@@ -6,9 +6,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from lapwing import engine
+from lapwing import arguments, engine
+from lapwing.arguments import MAX_INT, shown
 from lapwing.codes import MotionState, Status
 from lapwing.engine import CYCLE_NAMES, Numerics, TrajectoryCall, Wanted, position
+from lapwing.oscillator import Oscillator
+from lapwing.start import put_on_flank, start_problem
 
 LOG_NAMES = ("kind", "cycle", "t", "phi", "velocity_before", "velocity_after")
 RECORDS = ("events", "cycles", "grazes")
@@ -65,7 +68,7 @@ class Run:
     _numerics: Numerics = field(repr=False, default=None)
 
     def history(self, taus):
-        """State at given times, from the dense output (fourth order in the step).
+        """State at given times, from the dense output (fifth order in the step with rk4).
 
         Parameters
         ----------
@@ -78,11 +81,12 @@ class Run:
         Raises
         ------
         ValueError
-            if times are not rising or outside the run.
+            if times are not rising or outside the run, or hold anything but finite numbers
+            (TypeError where it is no number at all).
         """
-        taus = np.atleast_1d(np.asarray(taus, dtype=float))
-        if taus.ndim != 1 or np.any(np.diff(taus) < 0) or not np.all(np.isfinite(taus)):
-            raise ValueError("history: taus must be one-dimensional, finite and rising")
+        taus = arguments.reals("taus", taus, ndim=1, empty=True)
+        if np.any(np.diff(taus) < 0):
+            raise ValueError("history: taus must be rising")
         end = self.final.tau
         if len(taus) and (taus[0] < 0 or taus[-1] > end * (1 + 4e-16)):
             raise ValueError(f"history: taus must lie between 0 and the run's end, {end:.17g}")
@@ -98,7 +102,8 @@ def simulate(osc, start="rest", phase=0.0, cycles=50, method="auto", rtol=1e-10,
     ----------
     osc : Oscillator
     start : 'rest', (motion_state, phi, phi_dot), or the `final` of another run: a run of the same
-        oscillator is continued bit for bit, under another one a new run begins in that state
+        oscillator is continued bit for bit, under another one a new run begins in that state; one
+        beyond a flank by no more than rounding begins on it (decision e of docs/model.md)
     phase : float, mesh phase at the start, 0 <= phase < 1 (not used with a `final`, which has one)
     cycles : float, mesh cycles to run, > 0
     record : what is recorded, of 'events', 'cycles', 'grazes'; the rest costs nothing
@@ -113,18 +118,28 @@ def simulate(osc, start="rest", phase=0.0, cycles=50, method="auto", rtol=1e-10,
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         for a start that contradicts itself and for every refused argument.
     """
+    arguments.instance("osc", osc, Oscillator)
     numerics = Numerics(method=method, rtol=rtol, chatter_tol=chatter_tol, count_depth=count_depth,
                         max_events_per_cycle=max_events_per_cycle,
                         max_steps_per_cycle=max_steps_per_cycle)
     if isinstance(start, HybridState) and start._blob is not None \
             and not _same(osc, start._oscillator):
         start, phase = (start.motion_state, start.phi, start.phi_dot), start.phase
-    _check_arguments(osc, start, phase, cycles, record)
+    record = arguments.choices("record", record, RECORDS)
+    cycles = arguments.real("cycles", cycles, above=0.0, low=0.0, high=MAX_INT - 2)
+    if isinstance(start, HybridState):
+        if start._blob is None:
+            raise ValueError("start: this state is no end of a run")
+    else:
+        phase = arguments.phase("phase", phase)
+        start = checked_start(osc, start, phase)
     if graze_distance is None:
         graze_distance = 1e-3 * osc.angle_scale
+    else:
+        graze_distance = arguments.not_negative("graze_distance", graze_distance)
     wanted = Wanted(events="events" in record, cycles="cycles" in record,
                     grazes="grazes" in record, graze_distance=graze_distance)
     if isinstance(start, HybridState):
@@ -149,61 +164,48 @@ def engine_start(osc, start):
     ValueError
         where a start contradicts its motion state (decisions e and k of docs/model.md).
     """
+    expected = "'rest' or (motion_state, phi, phi_dot)"
     if isinstance(start, str):
         if start != "rest":
-            raise ValueError(f"start = {start!r}, 'rest' or (motion_state, phi, phi_dot) is meant")
+            raise ValueError(arguments.wrong("start", start, expected))
         if osc.force < 0 and osc.gap == "one_flank":
             raise ValueError("start = 'rest' with a negative force needs a coast flank to rest on")
         return engine.REST, 0.0, 0.0
+    if not isinstance(start, tuple | list | np.ndarray) or start is np.ma.masked:
+        raise TypeError(arguments.wrong("start", start, expected))
+    if (start.shape != (3,) if isinstance(start, np.ndarray) else len(start) != 3):
+        raise ValueError(arguments.wrong("start", start, expected))
     motion_state, phi, phi_dot = start
     if isinstance(motion_state, str):
         known = {state.name.lower(): state for state in MotionState}
         motion_state = known.get(motion_state.lower(), motion_state)
     if isinstance(motion_state, str):
-        raise ValueError(f"start: {motion_state!r} is no motion state, one of {', '.join(known)} "
-                         "is meant")
-    state = MotionState(motion_state)
-    if not (np.isfinite(phi) and np.isfinite(phi_dot)):
-        raise ValueError("start: phi and phi_dot must be finite")
-    return float(state), float(phi), float(phi_dot)
+        raise ValueError(f"start: {shown(motion_state)} is no motion state, expected one of "
+                         f"{', '.join(known)}")
+    # Read back from an array of states, a motion state is a float.
+    state = arguments.real("start: motion_state", motion_state, low=0, high=max(MotionState))
+    if state % 1:
+        raise ValueError(f"start: {shown(motion_state)} is no motion state")
+    return (state, arguments.real("start: phi", phi), arguments.real("start: phi_dot", phi_dot))
 
 
-def check_start(osc, start, phase):
-    """Refuse a start on the wrong side of a flank."""
-    state, phi, _ = engine_start(osc, start)
-    if state == engine.REST:
-        return
-    depth = -osc.gap_width
-    if not osc.back_flank_te:
-        depth -= osc.flank_scale * float(osc.te.value(phase))
-    slack = 4e-16 * abs(depth) if np.isfinite(depth) else 0.0
-    meant = None
-    if state == MotionState.SEPARATION and not depth - slack <= phi <= 0:
-        meant = f"separation lies between phi = {depth:.6g} and 0"
-    elif state == MotionState.ENGAGEMENT and (
-            phi < 0 or (osc.contact_law == "rigid" and phi > 0)):
-        meant = "engagement means phi >= 0 (rigid: phi = 0)"
-    elif state == MotionState.BACK_ENGAGEMENT and osc.gap == "one_flank":
-        meant = "there is no coast flank (gap = 'one_flank')"
-    elif state == MotionState.BACK_ENGAGEMENT and phi > depth + slack:
-        meant = f"back engagement means phi <= {depth:.6g}"
-    if meant:
-        raise ValueError(f"start: phi = {phi:.6g} contradicts its motion state: {meant}")
+def checked_start(osc, start, phase):
+    """A start that is not refused, as (motion_state, phi, phi_dot), put on its flank, or 'rest'.
 
-
-def _check_arguments(osc, start, phase, cycles, record):
-    unknown = [name for name in record if name not in RECORDS]
-    if isinstance(record, str) or unknown:
-        raise ValueError(f"record = {record!r}, a tuple of {', '.join(RECORDS)} is meant")
-    if not (np.isfinite(cycles) and 0 < cycles < 2**31 - 2):
-        raise ValueError(f"cycles = {cycles!r}, a number above 0 is meant")
-    if isinstance(start, HybridState):
-        if start._blob is None:
-            raise ValueError("start: this state is no end of a run")
-        return
-    if not 0 <= phase < 1:
-        raise ValueError(f"phase = {phase!r}, 0 <= phase < 1 is meant")
-    check_start(osc, start, phase)
+    Raises
+    ------
+    ValueError
+        where it lies on the wrong side of a flank by more than rounding.
+    """
+    numbers = engine_start(osc, start)
+    if numbers[0] == engine.REST:
+        return start
+    state, phi, phi_dot = numbers
+    name = MotionState(int(state)).name.lower()
+    problem = start_problem(osc, name, phi, phase)
+    if problem:
+        raise ValueError(f"start: phi = {phi:.6g} contradicts its motion state: {problem}")
+    return start[0], put_on_flank(osc, name, phi, phase), phi_dot
 
 
 def _same(one, other):

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from lapwing.codes import Status
-from lapwing.summary_words import markdown, plural
+from lapwing.arrivals import arrivals_in, per_cycle
+from lapwing.codes import MotionState, Status
+from lapwing.findings import known, rattles, span
+from lapwing.report.words import markdown, plural
 
 # Branches differ in depth when they do so by more than this part of it.
 DEPTH_DIFFERS = 0.02
@@ -13,17 +15,17 @@ DEPTH_DIFFERS = 0.02
 TABLE_LINES = 12
 
 
-def hysteresis(sweep, depth, unit):
+def hysteresis(sweep, unit):
     """Intervals in which the branches carried up and down end in different motions.
 
-    Two motions differ when their periods do, or, both settled, their counted impacts or by more
+    Two motions differ when their periods do, or, both settled, their counted arrivals or by more
     than 2 % their depths. Counts beside a complete chatter hang on their threshold and are not
-    compared.
+    compared. Values without a result of both, and those at which neither motion has a period, are
+    not judged.
 
     Parameters
     ----------
     sweep : Dataset with the cycles' statistics
-    depth : DataArray over start and parameter, rad; deepest separation of each point
     unit : str
 
     Returns
@@ -33,42 +35,60 @@ def hysteresis(sweep, depth, unit):
     starts = [str(start) for start in sweep["start"].values]
     if not {"up", "down"} <= set(starts):
         return ["not looked for (needs the starts up and down)"]
-    branches = {start: _Branch(sweep.sel(start=start), depth.sel(start=start).values)
-                for start in starts}
+    branches = {start: _Branch(sweep.sel(start=start)) for start in starts}
+    up, down = branches["up"], branches["down"]
     values = sweep[sweep.attrs["parameter"]].values
-    apart = branches["up"].differs(branches["down"])
-    lines = []
-    runs = _runs(apart)
-    if not runs:
-        lines.append("none: up and down agree in period, impacts and depth")
+    judged, neither = up.judged(down), up.ok & down.ok & ~up.judged(down)
+    if not judged.any():
+        why = plural(int(neither.sum()), "value") + " in common" \
+            + ", all of motions without a period" * bool(neither.any())
+        return [f"not known ({why})"]
+    runs = _runs(up.differs(down))
+    words = f"period, {up.law.word}s or depth"
+    if runs:
+        line = f"up and down differ in {words} at " + _places(runs, branches, values, unit)
     else:
-        lines.append("up and down differ in period, impacts or depth at "
-                     + _places(runs, branches, values, unit))
+        line = f"none seen: up and down agree in {words.replace(' or', ' and')}"
     if "rest" in branches:
-        alone = branches["rest"].differs(branches["up"]) \
-            & branches["rest"].differs(branches["down"]) & ~apart
+        alone = branches["rest"].differs(up) & branches["rest"].differs(down) \
+            & judged & ~up.differs(down)
         if alone.any():
-            lines[0] += "; from rest a motion unlike both, which agree, at " \
+            line += "; from rest a motion unlike both, which agree, at " \
                 + _list(_runs(alone), values) + f" {unit}"
     wide = [run for run in runs if run[1] > run[0]]
-    return lines + (_table(wide, branches, values, unit) if wide else [])
+    return [line + _judged_on(judged, neither, values, unit),
+            *(_table(wide, branches, values, unit) if wide else [])]
+
+
+def _judged_on(judged, neither, values, unit):
+    """How many values a statement rests on, and why not on the others."""
+    if judged.all():
+        return f" (judged at all {span(values, unit)})" if judged.size > 1 else \
+            f" (judged at {span(values, unit)})"
+    lost = int((~judged & ~neither).sum())
+    reasons = [f"{neither.sum()} without a period in either"] * bool(neither.any()) \
+        + [f"{lost} without a result of both"] * bool(lost)
+    return f" (judged at {judged.sum()} of {judged.size} values; {', '.join(reasons)})"
 
 
 class _Branch:
     """What is compared of one branch, over the parameter."""
 
-    def __init__(self, branch, depth):
-        self.ok = branch["status"].values == Status.OK
+    def __init__(self, branch):
+        self.law = arrivals_in(branch.attrs)
+        self.status = branch["status"].values
+        self.ok = known(branch)
         self.period = branch["period"].values
-        self.depth = depth
-        self.impacts, self.back = (self._per_cycle(branch[key].values) for key in
-                                   ("counted_impacts", "counted_back_impacts"))
+        self.depth = branch["deepest_separation"].max("recorded_cycle").values
+        self.impacts, self.back = (per_cycle(branch, side) for side in ("drive", "coast"))
         self.chatter = branch["chatter_ends"].sum("recorded_cycle").values > 0
+        self.rattles = rattles(branch)
+        self.coast = self.ok & np.all(
+            branch["states_visited"].values == 1 << MotionState.BACK_ENGAGEMENT, axis=-1)
 
-    def _per_cycle(self, counts):
-        """Mean over the last whole period, without one over all recorded cycles."""
-        return np.array([np.mean(row[-period:] if period else row)
-                         for row, period in zip(counts, self.period, strict=True)])
+    def judged(self, other):
+        """Where two branches can be compared: both have a result, and one of them a period."""
+        return self.ok & other.ok & ((self.period > 0) | (other.period > 0))
 
     def differs(self, other):
         """Where two branches end in different motions."""
@@ -78,17 +98,20 @@ class _Branch:
         differ |= self.period != other.period
         counted = settled & ~(self.chatter | other.chatter)
         differ |= counted & ((self.impacts != other.impacts) | (self.back != other.back))
-        return differ & self.ok & other.ok
+        return differ & self.judged(other)
 
     def describe(self, i):
         """Motion at one value: engaged, or class and depth."""
         if not self.ok[i]:
-            return "failed"
-        if self.depth[i] == 0:
+            return "not reached" if self.status[i] == Status.UNFINISHED else "failed"
+        if self.coast[i]:
+            return "on the coast flank"
+        if not self.rattles[i]:
             return "engaged"
         p = int(self.period[i])
         name = f"{p}:({self.impacts[i] * p:.4g},{self.back[i] * p:.4g})" + "c" * bool(
-            self.chatter[i]) if p else f"no period, {self.impacts[i]:.3g} impacts per cycle"
+            self.chatter[i]) if p else (
+            f"no period, {self.impacts[i]:.3g} {self.law.word}s per cycle")
         return f"{name}, {1e6 * self.depth[i]:.4g} µrad"
 
     def alike(self, i, j):
@@ -96,19 +119,20 @@ class _Branch:
         return self.period[i] == self.period[j] and (
             not self.period[i] or self.chatter[i] or self.chatter[j]
             or (self.impacts[i], self.back[i]) == (self.impacts[j], self.back[j])) and (
-            (self.depth[i] == 0) == (self.depth[j] == 0))
+            self.rattles[i] == self.rattles[j])
 
 
 def _places(runs, branches, values, unit):
     """Where the branches differ, in words."""
     wide = [run for run in runs if run[1] > run[0]]
     single = [first for first, last in runs if last == first]
-    chaos = (branches["up"].period == 0) | (branches["down"].period == 0)
-    beside = sum(bool(chaos[max(i - 1, 0):i + 2].any()) for i in single)
+    wild = np.any([(branches[name].period == 0) & branches[name].ok for name in ("up", "down")],
+                  axis=0)
+    beside = sum(bool(wild[max(i - 1, 0):i + 2].any()) for i in single)
     parts = [_list(wide, values) + f" {unit}"] if wide else []
     if single:
         parts.append(plural(len(single), "single value")
-                     + f" ({beside} in or beside chaotic bands)" * bool(beside))
+                     + f" ({beside} in or beside bands without a period)" * bool(beside))
     return " and ".join(parts)
 
 
@@ -139,7 +163,8 @@ def _rest(branches, i):
     if "rest" not in branches:
         return "–"
     names = [name for name, start in (("as upwards", "up"), ("as downwards", "down"))
-             if branches["rest"].ok[i] and not branches["rest"].differs(branches[start])[i]]
+             if branches["rest"].judged(branches[start])[i]
+             and not branches["rest"].differs(branches[start])[i]]
     return names[0] if names else branches["rest"].describe(i)
 
 
@@ -152,6 +177,8 @@ def _jump(branches, values, inside, outside):
     if not 0 <= outside < values.size:
         return "the range ends"
     one, two = branches["up"], branches["down"]
+    if not (one.ok[outside] and two.ok[outside]):
+        return f"not known (no result of both at {values[outside]:g})"
     parted = abs(one.depth[inside] - two.depth[inside])
     first, last = sorted((inside, outside))
     jumps = [f"{name} {branch.describe(first)} → {branch.describe(last)}"
@@ -162,12 +189,6 @@ def _jump(branches, values, inside, outside):
 
 
 def _runs(flags):
-    """First and last index of each run of flags; a single gap between long runs is bridged."""
+    """First and last index of each run of flags."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
-    runs = []
-    for first, last in (edges.reshape(-1, 2) - (0, 1)).tolist():
-        if runs and first - runs[-1][1] == 2 and (last > first and runs[-1][1] > runs[-1][0]):
-            runs[-1][1] = last
-        else:
-            runs.append([first, last])
-    return runs
+    return (edges.reshape(-1, 2) - (0, 1)).tolist()

@@ -14,24 +14,27 @@ from pathlib import Path
 
 import numpy as np
 
-from lapwing.result_variables import CODES, DESCRIPTIONS, FAILED, VELOCITY, WHOLE, described
-
-__all__ = ["CODES", "DESCRIPTIONS", "FAILED", "VELOCITY", "WHOLE", "Results", "described",
-           "read_results", "write_results"]
+from lapwing.results.checksums import DamagedFile, store_checksums, verify_file
+from lapwing.results.store import Manifest, flush, os_errors, sha256_of
+from lapwing.results.variables import FAILED, described
+from lapwing.signals import held
 
 CONVENTIONS = "CF-1.11"
+# Of names, shapes and meanings in the file; files of version 0.1 have none.
+SCHEMA_VERSION = 1
 # Variables larger than this are compressed; the rest is small beside the file's own overhead.
 COMPRESS_ABOVE = 1000
 DERIVED = ("gear_ratio", "equivalent_inertia", "natural_frequency", "torsional_stiffness",
            "force_per_torque")
+KINDS = ("response", "critical", "sweep")
 
 
 def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te, osc, responses,
-                  sweeps, criticals=None, te_source=None):
+                  sweeps, criticals=None, te_source=None, interrupted=False):
     """Write the result file under a temporary name, flush it to the disk, and rename it.
 
-    A reader sees the old file or the new one, never a part; the same arguments give the same
-    variables and attributes, so no time of day is among them.
+    A reader sees the old file or the new one, never a part.  The same arguments give the same variables and attributes, so no time of day is among them.
+    A signal waits until the file is whole.
 
     Parameters
     ----------
@@ -45,6 +48,11 @@ def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te,
     sweeps : dict of name -> Dataset, from `lapwing.sweep`, in deck order
     criticals : dict of name -> Dataset, from `lapwing.critical_full` and the like, or None
     te_source : str or None, the table's file name or formula; default: what the table tells
+    interrupted : bool, whether studies of the deck are missing or unfinished
+
+    Returns
+    -------
+    dict of "/group/variable" -> SHA-256 of its numbers, as `checksums.checksums` reads them back
 
     Raises
     ------
@@ -57,29 +65,37 @@ def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te,
     names = [response.attrs["name"] for response in responses]
     if len(set(names)) != len(names):
         raise ValueError(f"two responses of one name: {', '.join(names)}")
-    root = {"Conventions": CONVENTIONS, "title": f"Lapwing results of {deck_name}",
+    root = {"Conventions": CONVENTIONS, "schema_version": SCHEMA_VERSION,
+            "title": f"Lapwing results of {deck_name}",
             "history": f"computed by Lapwing from deck {deck_name}",
-            **_provenance(), "deck_name": deck_name, "deck_text": deck_text,
-            "used_deck": used_text, "used_hash": used_hash}
+            **provenance(), "deck_name": deck_name, "deck_text": deck_text,
+            "used_deck": used_text, "used_hash": used_hash, "interrupted": int(interrupted)}
     groups = {None: _dataset({}, root), "gear_pair": _dataset({}, _pair_attributes(pair)),
               "transmission_error": _transmission_error(te, osc, te_source or _te_source(te))}
     for order, response in enumerate(responses):
         groups[f"response_{response.attrs['name']}"] = response.assign_attrs(order=order)
     for order, (name, sweep) in enumerate(sweeps.items()):
-        groups[f"sweep_{name}"] = _labelled(sweep, name, order, osc, responses)
+        groups[f"sweep_{name}"] = _labelled(sweep, name, order, responses)
     for order, (name, critical) in enumerate((criticals or {}).items()):
         groups[f"critical_{name}"] = critical.assign_attrs(name=name, order=order)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        for mode, (name, dataset) in zip("w" + "a" * len(groups), groups.items(), strict=False):
-            dataset = described(dataset)
-            dataset.to_netcdf(temporary, mode=mode, group=name, engine="netcdf4",
-                              format="NETCDF4", encoding=_encoding(dataset))
-        _flush(temporary)
-        os.replace(temporary, path)
-        _flush(path.parent)
-    finally:
-        temporary.unlink(missing_ok=True)
+    aside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    with held(), os_errors(path.parent):
+        try:
+            _write_groups(aside, groups)
+            found = store_checksums(aside)
+            flush(aside)
+            os.replace(aside, path)
+            flush(path.parent)
+        finally:
+            aside.unlink(missing_ok=True)
+    return found
+
+
+def _write_groups(path, groups):
+    for mode, (name, dataset) in zip("w" + "a" * len(groups), groups.items(), strict=False):
+        dataset = described(dataset)
+        dataset.to_netcdf(path, mode=mode, group=name, engine="netcdf4", format="NETCDF4",
+                          encoding=_encoding(dataset))
 
 
 def _encoding(dataset):
@@ -88,18 +104,11 @@ def _encoding(dataset):
     for name, variable in dataset.variables.items():
         small = variable.size <= COMPRESS_ABOVE or variable.dtype.kind not in "fiu"
         packed = {} if small else {"zlib": True, "complevel": 4, "shuffle": True}
+        if variable.dims and variable.size and variable.dtype.kind in "fiu":
+            packed["fletcher32"] = True
         missing = variable.dtype.kind == "i" and np.any(variable.values == FAILED)
         encoding[name] = {"_FillValue": FAILED if missing else None, **packed}
     return encoding
-
-
-def _flush(path):
-    """Have a file or folder written to the disk."""
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def _dataset(variables, attributes):
@@ -129,12 +138,10 @@ def _te_source(te):
     return f"table of {len(te.kinks)} polynomial pieces, {int(te.kinks.sum()) or 'no'} kinks"
 
 
-def _labelled(sweep, name, order, osc, responses):
-    """A sweep with its name, its critical value and the deck's claims."""
+def _labelled(sweep, name, order, responses):
+    """A sweep with its name and the deck's claims."""
     parameter = sweep["status"].dims[1]
     labels = {"name": name, "order": order, "parameter": parameter}
-    if parameter == "brake_torque" and "full_engagement" not in sweep.attrs:
-        labels |= _full_engagement(osc)
     claims = [(attrs[parameter], attrs.get("claim_deepest_separation", np.nan),
                attrs.get("claim_text", "")) for attrs in (one.attrs for one in responses)
               if parameter in attrs and any(key.startswith("claim_") for key in attrs)]
@@ -145,20 +152,7 @@ def _labelled(sweep, name, order, osc, responses):
     return sweep.assign(variables).assign_attrs(labels)
 
 
-def _full_engagement(osc):
-    """Brake torque (N m) above which the engaged response never separates, and its phase."""
-    from lapwing.linear_response import critical_torque
-
-    if osc.contact_law == "rigid" or osc.scales is None:
-        return {}
-    try:
-        torque, phase = critical_torque(osc)
-    except ValueError:  # no periodic engaged response: an undamped resonance
-        return {}
-    return {"full_engagement": torque, "full_engagement_phase": phase}
-
-
-def _provenance():
+def provenance():
     """What made the file: program, compiler, processor, libraries."""
     import netCDF4
     import xarray
@@ -167,8 +161,16 @@ def _provenance():
 
     return {"lapwing_version": build.VERSION, "compiler": build.COMPILER,
             "build_flags": build.FLAGS, "build_type": build.BUILDTYPE, "cpu": _cpu(),
+            "engine_sha256": engine_digest(),
             "python_version": platform.python_version(), "numpy_version": np.__version__,
             "xarray_version": xarray.__version__, "netcdf4_version": netCDF4.__version__}
+
+
+def engine_digest():
+    """SHA-256 (hex) of the compiled engine: only the same engine is sure to give the same bits."""
+    from importlib.util import find_spec
+
+    return sha256_of(find_spec("lapwing._engine").origin)
 
 
 def _cpu():
@@ -193,6 +195,8 @@ class Results:
     attrs : dict, the root's attributes: deck and provenance
     gear_pair : dict
     responses, sweeps, criticals : tuple of str, names in deck order
+    verified : bool, whether the content is known to be what was written; False for files of
+        version 0.1, which carry no checksums
 
     Close it, or use it in a `with` statement.
     """
@@ -203,12 +207,18 @@ class Results:
     responses: tuple
     sweeps: tuple
     criticals: tuple = ()
+    verified: bool = False
     _open: dict = field(default_factory=dict, repr=False)
 
     @property
     def transmission_error(self):
         """Dataset: knots, coefficients, kinks."""
         return self._group("transmission_error")
+
+    @property
+    def interrupted(self):
+        """Whether studies of the deck are missing or unfinished."""
+        return bool(self.attrs.get("interrupted", 0))
 
     def response(self, name):
         """Dataset of one response, read on demand."""
@@ -242,12 +252,41 @@ class Results:
         self.close()
 
 
-def read_results(path):
-    """Open a result file.
+def verify(path):
+    """Whether a result file is known to hold what was written.
+
+    Where a manifest beside it lists the file, its content is compared with that, else each variable
+    and the attributes with the checksums in the file.
+
+    Returns
+    -------
+    bool
+        False for a file of version 0.1, which carries no checksums.
+
+    Raises
+    ------
+    lapwing.results.DamagedFile
+        (a ValueError) naming what differs.
+    OSError
+        where there is no such file or it is no netCDF file.
+    """
+    path = Path(path)
+    manifest = Manifest.read(path.parent)
+    if manifest is not None and path.name in manifest.files and path.exists():
+        wrong = manifest.wrong_with(path)
+        if wrong:
+            raise DamagedFile(f"{path} is damaged: {wrong}")
+        return True
+    return verify_file(path)
+
+
+def read_results(path, check=True):
+    """Open a result file, once it is known to be whole.
 
     Parameters
     ----------
     path : str or Path
+    check : bool, False where the caller has verified it already
 
     Returns
     -------
@@ -255,6 +294,8 @@ def read_results(path):
 
     Raises
     ------
+    lapwing.results.DamagedFile
+        (a ValueError) where its content is not what was written (`verify`).
     OSError
         where there is no such file or it is no netCDF file.
     ValueError
@@ -262,15 +303,47 @@ def read_results(path):
     """
     import netCDF4
 
+    verified = verify(path) if check else True
     with netCDF4.Dataset(path) as file:
         if "lapwing_version" not in file.ncattrs() or "gear_pair" not in file.groups:
             raise ValueError(f"{path} is no result file of Lapwing")
         names = {}
-        for kind in ("response_", "sweep_", "critical_"):
-            groups = [group for name, group in file.groups.items() if name.startswith(kind)]
+        for kind in KINDS:
+            groups = [group for name, group in file.groups.items() if name.startswith(kind + "_")]
             groups.sort(key=lambda group: int(group.order))
             names[kind] = tuple(str(group.getncattr("name")) for group in groups)
         pair = file["gear_pair"]
         return Results(Path(path), {key: file.getncattr(key) for key in file.ncattrs()},
                        {key: pair.getncattr(key) for key in pair.ncattrs()},
-                       names["response_"], names["sweep_"], names["critical_"])
+                       names["response"], names["sweep"], names["critical"], verified)
+
+
+def stored_studies(path):
+    """The studies of a result file as they were given to `write_results`, to be written again.
+
+    Unlike what `read_results` hands out they are not decoded: whole numbers stay whole.
+
+    Returns
+    -------
+    dict of (kind, name) -> Dataset, in memory
+    """
+    import xarray as xr
+
+    with read_results(path) as results:
+        names = [(kind, name) for kind, found in zip(
+            KINDS, (results.responses, results.criticals, results.sweeps), strict=True)
+            for name in found]
+    studies = {}
+    for kind, name in names:
+        with xr.open_dataset(path, group=f"{kind}_{name}", engine="netcdf4", decode_cf=False,
+                             mask_and_scale=False) as data:
+            data = data.load()
+        for variable in data.variables.values():
+            variable.attrs.pop("_FillValue", None)
+            variable.encoding.clear()
+        data.encoding.clear()
+        studies[kind, name] = data
+    return studies
+
+
+__all__ = ["DamagedFile", "Results", "engine_digest", "provenance", "read_results", "stored_studies", "verify", "write_results"]

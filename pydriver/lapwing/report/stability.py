@@ -94,15 +94,21 @@ def sweep_stability(sweep, unit):
     flagged = done & (sweep["near_grazes"].values > 0)
     without = flagged & np.isnan(rate)
     lost = done & (sweep["tangent_rank"].values < 2)
+    open_ = done & (sweep["period"].values == 0) & ~np.isfinite(rate - error)
     lines = [f"- chaos (largest Lyapunov exponent above zero beyond its error): at "
-             f"{_counted(chaotic, done)}"
-             + f", the largest {_largest(sweep, chaotic, unit)}" * bool(chaotic.any()),
+             f"{_counted(chaotic, done & ~open_)}"
+             + (f", the largest {_largest(sweep, chaotic, unit)}" if chaotic.any() else "")
+             + f"; not known at {int(open_.sum())}" * bool(open_.any()),
              f"- a deviation loses one or both of its numbers in complete chatter or rest at "
              f"{_counted(lost, done)}; a second exponent is not given there",
              f"- near grazing: {_counted(flagged, done)}, of them {int(without.sum())} periodic, "
              "for which no multiplier is given"]
-    worst = {name: float(np.nanmax(sweep[name].values, initial=0.0))
-             for name in ("determinant_defect", "sum_rule_defect")}
+    worst = {}
+    for name in ("determinant_defect", "sum_rule_defect"):
+        found = sweep[name].values[done & np.isfinite(sweep[name].values)]
+        if not found.size:
+            return [*lines, "- checks of the exponents: none could be made"]
+        worst[name] = float(found.max())
     verdict = "kept" if max(worst.values()) <= BROKEN else "**broken**"
     return [*lines, f"- checks of the exponents {verdict}: determinant within "
             f"{worst['determinant_defect']:.1e}, sum rule within {worst['sum_rule_defect']:.1e}"]

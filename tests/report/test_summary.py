@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 import lapwing
-from helpers import PAIR, SHIPPED, scene_a
-from lapwing.results import read_results, write_results
-from lapwing.studies.response import response
-from lapwing.summary import (
+from helpers import PAIR, SHIPPED, as_in_a_deck, scene_a
+from lapwing.report.hysteresis import _runs
+from lapwing.report.summary import (
     _doubtful,
     _energy_sentence,
     _motion_sentence,
@@ -19,7 +18,8 @@ from lapwing.summary import (
     summary_text,
     with_error,
 )
-from lapwing.summary_hysteresis import _runs
+from lapwing.results import read_results, write_results
+from lapwing.studies.response import response
 
 SHORT = {"settle_cycles": 60, "record_cycles": 24, "samples_per_cycle": 32}
 
@@ -38,7 +38,7 @@ def text(tmp_path_factory):
     path = tmp_path_factory.mktemp("summary") / "result.nc"
     write_results(path, deck_name="case", deck_text="", used_text="", used_hash="0a1b",
                   pair=PAIR, te=SHIPPED, osc=scene_a(1.0), responses=responses,
-                  sweeps={"torque": sweep})
+                  sweeps={"torque": as_in_a_deck(sweep)})
     with read_results(path) as results:
         return summary_text(results)
 
@@ -57,7 +57,7 @@ def paragraph(text, name):
 
 def test_table_comes_before_the_paragraphs(text):
     assert text.index("| response |") < text.index("### bounces")
-    assert "1 % of the deepest separation" in text
+    assert "Impacts are counted after flights deeper than 1 % of their cycle's deepest" in text
 
 
 def test_a_bouncing_response_beside_its_claim(text):
@@ -70,7 +70,7 @@ def test_a_bouncing_response_beside_its_claim(text):
     words = paragraph(text, "bounces")
     assert "5 impacts per cycle (as here)" in words
     assert "320 µrad deepest separation (here +0.39 %)" in words
-    assert re.search(r"321\.237 ± \de-\d\d µrad of 2000 µrad", words)
+    assert re.search(r"321\.237 \(change \de-\d\d\) µrad of 2000 µrad", words)
     assert "Settled" in words
 
 
@@ -97,13 +97,17 @@ def test_sweep(text):
     findings = text.split("## Sweep torque")[1]
     assert "brake torque from 11.5 to 12.7 N·m: 13 values × 3 starts" in findings
     assert "none of 39 failed" in findings
-    assert "last back impact: none (each from rest, carried upwards, carried downwards)" in findings
-    assert "complete engagement from T_full = 11.91674544 N·m" in findings
-    assert "mesh phase 0.951457" in findings
+    assert ("last back impact: none at 13 values from 11.5 to 12.7 N·m (each from rest, "
+            "carried upwards, carried downwards)") in findings
+    kept = next(line for line in findings.splitlines() if line.startswith("- T_full"))
+    assert kept.startswith("- T_full = 11.91674544 N·m: contact *can* be kept from here")
+    assert "mesh phase 0.951457" in kept
+    assert re.search(r"rattling seen up to 12\.\d N·m \(carried upwards\); none at 8 values from "
+                     r"12 to 12\.7 N·m above it \(each from rest, carried downwards\)$", kept)
     # Bouncing survives above complete engagement when carried upwards (docs/model.md, section 8).
     hysteresis = re.search(r"differ in period, impacts or depth at (.*)", findings)[1]
     assert re.search(r"(11\.9|12)–12\.\d N·m", hysteresis)
-    assert re.search(r"last separation: 11\.9 N·m, none at 12 N·m \(each from rest.*\); "
+    assert re.search(r"last separation [^:]*: 11\.9 N·m, none at 12 N·m \(each from rest.*\); "
                      r"12\.\d N·m, none at 12\.\d N·m \(carried up", findings)
 
 
@@ -115,9 +119,9 @@ def test_a_sweep_has_a_table_of_at_most_twelve_values(text):
     assert table[2].startswith("| 11.5 |") and table[-1] == "| 12.7 | 0 | 0 | 1 | 0 |"
 
 
-def test_runs_are_bridged_over_one_value_and_single_ones_kept_apart():
+def test_runs_leave_out_where_nothing_differs():
     flags = [bool(int(one)) for one in "1101100100010111"]
-    assert _runs(np.array(flags)) == [[0, 4], [7, 7], [11, 11], [13, 15]]
+    assert _runs(np.array(flags)) == [[0, 1], [3, 4], [7, 7], [11, 11], [13, 15]]
 
 
 ATTRS = {"status": 0, "status_reference": 0, "motion_class": "9:(0,0)", "error_kind": "convergence",
@@ -134,8 +138,8 @@ def test_a_motion_the_second_run_does_not_confirm_is_doubtful():
 
 
 def test_energy_fed_in_is_a_gain():
-    assert "the motion gains 2 ± 1e-06 mJ" in _energy_sentence(ATTRS)
-    assert "take 2 ± 1e-06 mJ" in _energy_sentence(ATTRS | {"impact_energy_per_cycle": 2e-3})
+    assert "the motion gains 2 (change 1e-06) mJ" in _energy_sentence(ATTRS)
+    assert "take 2 (change 1e-06) mJ" in _energy_sentence(ATTRS | {"impact_energy_per_cycle": 2e-3})
 
 
 def test_one_is_singular():
@@ -156,13 +160,14 @@ def test_provenance_ends_it(text):
 
 
 @pytest.mark.parametrize(("value", "error", "shown"), [
-    (321.236871, 2e-9, "321.237 ± 2e-09"), (321.236871, 0.3, "321.2 ± 0.3"),
-    (321.236871, 40, "320 ± 40"), (5.0, 0.0, "5"), (0.0, 0.0, "0"), (1.5, 7.0, "2 ± 7"),
-    (2.0, math.nan, "2"), (math.nan, 0.0, "–"), (1234567.0, 2e5, "1.2e+06 ± 200000")])
+    (321.236871, 2e-9, "321.237 (change 2e-09)"), (321.236871, 0.3, "321.2 (change 0.3)"),
+    (321.236871, 40, "320 (change 40)"), (5.0, 0.0, "5"), (0.0, 0.0, "0"),
+    (1.5, 7.0, "2 (change 7)"), (2.0, math.nan, "2"), (math.nan, 0.0, "–"),
+    (1234567.0, 2e5, "1.2e+06 (change 200000)")])
 def test_errors_are_readable(value, error, shown):
     assert with_error(value, error) == shown
 
 
 def test_an_invisible_error_may_be_left_out():
     assert with_error(321.236871, 2e-9, brief=True) == "321.237"
-    assert with_error(321.236871, 0.3, brief=True) == "321.2 ± 0.3"
+    assert with_error(321.236871, 0.3, brief=True) == "321.2 (change 0.3)"

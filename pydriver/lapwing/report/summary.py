@@ -6,11 +6,12 @@ import math
 
 import numpy as np
 
+from lapwing.arrivals import arrivals_in
 from lapwing.codes import MotionState
-from lapwing.summary_critical import critical_text
-from lapwing.summary_stability import aperiodic_words, stability_sentence
-from lapwing.summary_sweep import sweep_text
-from lapwing.summary_words import markdown, method_words, plural
+from lapwing.report.critical import critical_text
+from lapwing.report.stability import aperiodic_words, stability_sentence
+from lapwing.report.sweep import sweep_text
+from lapwing.report.words import markdown, method_words, plural
 
 # A change between the halves of the record below this part of the number, or of its error, is
 # rounding or chance and is not reported as a transient.
@@ -38,18 +39,22 @@ def summary_text(results):
             lines += ["", f"### {attrs['name']}", "", _paragraph(attrs)]
     if results.criticals:
         lines += ["", "## Critical values", "",
-                  *critical_text([results.critical(name) for name in results.criticals])]
+                  *critical_text([results.critical(name) for name in results.criticals],
+                                 [results.sweep(name) for name in results.sweeps])]
     for name in results.sweeps:
         lines += ["", f"## Sweep {name}", "", *sweep_text(results.sweep(name))]
+    if not (responses or results.criticals or results.sweeps):
+        lines += ["", "No study was finished: nothing is known."]
     return "\n".join([*lines, "", "## Provenance", "", *_provenance(results)]) + "\n"
 
 
 def with_error(value, error, brief=False):
-    """`value ± error`, the value to the digits its error leaves (at most six).
+    """`value (change error)`, the value to the digits its error leaves (at most six).
 
     Parameters
     ----------
-    value, error : float; an error that is not finite, or zero, is left out
+    value, error : float; an error, the difference of two runs or of the halves of one, that is
+        not finite, or zero, is left out
     brief : bool, leave out an error too small to touch the digits shown
 
     Returns
@@ -67,7 +72,7 @@ def with_error(value, error, brief=False):
         digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(error)) + 1
     if brief and digits > 6:
         return f"{value:.6g}"
-    return f"{_plain(value, digits)} ± {_plain(error, 1)}"
+    return f"{_plain(value, digits)} (change {_plain(error, 1)})"
 
 
 def _plain(value, digits):
@@ -97,7 +102,8 @@ def _gear(results, responses):
 def _table(responses):
     """One line for each response, the source's claim beside it."""
     claimed = any(_claim(one) for one in responses)
-    rows = [("response", "brake torque (N·m)", "motion", "impacts per cycle, drive / coast",
+    rows = [("response", "brake torque (N·m)", "motion", f"{_arrivals(responses)} per cycle, "
+             "drive / coast",
              "deepest separation (µrad)", "contact", "mesh force, mean / peak (N)",
              "impact energy (mJ per cycle)", *["source"] * claimed)]
     for one in responses:
@@ -110,27 +116,34 @@ def _table(responses):
                     _value(one, "deepest_separation", 1e6, True), _contact(one),
                     " / ".join(_value(one, f"mesh_force_{key}", 1.0, True)
                                for key in ("mean", "peak")),
-                    _value(one, "impact_energy_per_cycle", 1e3, True)]
+                    _value(one, "impact_energy_per_cycle", 1e3, True)
+                    if arrivals_in(one).word == "impact" else "–"]
         rows.append((*row, *[_claim(one) or "–"] * claimed))
     return markdown(rows)
 
 
+def _arrivals(responses):
+    """What is counted, in the plural: one word, or both where the responses have both."""
+    return " or ".join(sorted({arrivals_in(one).word + "s" for one in responses}))
+
+
 def _legend(responses):
     """How to read the table."""
-    depth = sorted({one["count_depth"] for one in responses})
-    shown = " and ".join(f"{100 * value:g} %" for value in depth)
+    rules = sorted({(arrivals_in(one).word, arrivals_in(one).rule(one["count_depth"])
+                     + " separation" * arrivals_in(one).threshold) for one in responses})
     doubtful = any(_doubtful(one) for one in responses)
     fed = any(bool(one["impact_energy_per_cycle"] < 0) for one in responses)
-    return [f"Impacts are counted that end a flight deeper than {shown} of the deepest separation "
-            "of their cycle (without restitution: every arrival). ± is the difference to a second "
+    return ["; ".join(f"{word}s are counted {rule}" for word, rule in rules).capitalize() + ". "
+            "The change is the difference to a second "
             "run, with rk4 at a tolerance of its own; in this table it is left out where it lies "
-            "below the last digit. ≈ marks a motion without a period: ± is then the greater of two "
+            "below the last digit. ≈ marks a motion without a period in one of the two runs: the "
+            "change is then the greater of two "
             "differences of averages or greatest values, between the two runs and between the "
-            "halves of the record. "
+            "halves of the record. Neither is a bound of the error. "
             + "“?” marks a motion that the second run does not confirm: it gives another class. "
             * doubtful
-            + "A class p:(a,b) repeats every p mesh cycles with a drive and b coast impacts in "
-            "that time; c is appended for complete chatter. "
+            + f"A class p:(a,b) repeats every p mesh cycles with a drive and b coast "
+            f"{_arrivals(responses)} in that time; c is appended for complete chatter. "
             "Mesh force is that of spring and damper, impacts apart."
             + " Impact energy is what the impacts take; where it is negative the motion gains "
             "it, as it may under the absolute law." * fed]
@@ -139,16 +152,22 @@ def _legend(responses):
 def _value(attrs, key, factor=1.0, brief=False):
     """One number with its error, marked where it is a statistic."""
     text = with_error(factor * attrs[key], abs(factor) * _error(attrs, key), brief)
-    chance = attrs["error_kind"] != "convergence" and attrs[key] != 0 and text != "–"
+    chance = not _converges(attrs) and attrs[key] != 0 and text != "–"
     return ("≈ " if chance else "") + text
 
 
 def _error(attrs, key):
     """Difference of the two runs; without a period not less than that of the two halves."""
     error = attrs[f"{key}_error"]
-    if attrs["error_kind"] == "convergence":
+    if _converges(attrs):
         return error
     return float(np.fmax(error, abs(attrs[f"{key}_transient"])))
+
+
+def _converges(attrs):
+    """Whether single numbers do: both runs have a period, or the one that did not fail."""
+    return attrs["error_kind"] == "convergence" or bool(attrs["period"]
+                                                        and attrs["status_reference"])
 
 
 def _count(attrs, side):
@@ -168,9 +187,16 @@ def _doubtful(attrs):
                 and attrs["motion_class_reference"] != attrs["motion_class"])
 
 
+def _on_coast_flank(attrs):
+    """Whether the teeth press on the coast flank throughout."""
+    return attrs["states_visited"] == 1 << MotionState.BACK_ENGAGEMENT
+
+
 def _contact(attrs):
     if attrs["fully_engaged"]:
         return "engaged throughout"
+    if _on_coast_flank(attrs):
+        return "on the coast flank throughout"
     visited = [state.name.lower().replace("_", " ") for state in MotionState
                if attrs["states_visited"] >> state & 1]
     return ", ".join(visited)
@@ -198,14 +224,17 @@ def _paragraph(attrs):
     sentences = [f"{torque} {_motion_sentence(attrs)}"]
     if attrs["fully_engaged"]:
         sentences.append("The drive flanks never part.")
+    elif _on_coast_flank(attrs):
+        sentences.append("The coast flanks never part; the drive flanks never touch.")
     else:
         sentences.append(
             f"The drive flanks part by up to {_value(attrs, 'deepest_separation', 1e6)} µrad of "
-            f"{1e6 * attrs['gap_width']:g} µrad and strike {_times(attrs, '')} per cycle "
-            f"({attrs['resolved_impacts_per_cycle']:g} counting every bounce), the coast flanks "
-            f"{_times(attrs, 'back_')}.")
-        if attrs["contact_law"] != "compliant":
-            sentences.append(_energy_sentence(attrs) + _impact_words(attrs))
+            f"{1e6 * attrs['gap_width']:g} µrad and strike {_times(attrs, '')} per cycle"
+            + (" " if arrivals_in(attrs).threshold else ", ")
+            + f"({attrs['resolved_impacts_per_cycle']:g} counting every bounce), "
+            * arrivals_in(attrs).threshold + f"the coast flanks {_times(attrs, 'back_')}.")
+        words = [_energy_sentence(attrs)] * arrivals_in(attrs).threshold
+        sentences += [*words, *_impact_words(attrs)]
         if attrs["deepest_back_penetration"] > 0:
             sentences.append("The coast flank is pressed in by up to "
                              f"{_value(attrs, 'deepest_back_penetration', 1e6)} µrad.")
@@ -228,12 +257,16 @@ def _energy_sentence(attrs):
 
 
 def _impact_words(attrs):
-    """How fast and how hard an impact is."""
+    """How fast an arrival is, and how hard where it is an impact; none where nothing arrived."""
     if not math.isfinite(attrs.get("impact_speed_mean", math.nan)):
-        return ""
-    return (f" They meet the flank at up to {_value(attrs, 'impact_speed_max')} rad/s, at "
-            f"{attrs['impact_speed_mean']:.4g} rad/s on average, and take "
-            f"{1e3 * attrs['energy_per_impact']:.3g} mJ each on average (every bounce counted).")
+        return []
+    text = (f"The {arrivals_in(attrs).word}s meet the flank at up to "
+            f"{_value(attrs, 'impact_speed_max')} rad/s, at {attrs['impact_speed_mean']:.4g} rad/s "
+            "on average")
+    if not math.isfinite(attrs.get("energy_per_impact", math.nan)):
+        return [text + "."]
+    return [text + f", and take {1e3 * attrs['energy_per_impact']:.3g} mJ each on average (every "
+            "bounce counted)."]
 
 
 def _times_of_states(attrs):
@@ -302,13 +335,19 @@ def _trust(attrs):
         sentence = ("**The second run, rk4 at tolerance "
                     f"{attrs['rtol_reference']:g}, gives another motion, {other}: "
                     "do not rely on the class.**")
-    elif attrs["error_kind"] != "convergence":
+    elif not _converges(attrs):
         sentence = "Without a period single numbers do not converge, only their averages do."
     else:
         sentence = ""
-    moving = [key for key in ("deepest_separation", "mesh_force_mean", "mesh_force_peak",
-                              "impact_energy_per_cycle") if _drifts(attrs, key)]
-    if attrs["error_kind"] != "convergence":
+    halves = [key for key in ("deepest_separation", "mesh_force_mean", "mesh_force_peak",
+                              "impact_energy_per_cycle")
+              if math.isfinite(attrs[f"{key}_transient"])
+              and attrs["period"] <= attrs["record_cycles"] // 2]
+    moving = [key for key in halves if _drifts(attrs, key)]
+    if not halves:
+        sentence += (" Whether the motion has settled is not known: the record has no two halves "
+                     "to compare.")
+    elif not attrs["period"] or not _converges(attrs):
         change = attrs["mesh_force_mean_transient"]
         if math.isfinite(change):
             sentence += f" The mean force changes by {change:+.2g} N between the halves."
@@ -322,7 +361,9 @@ def _trust(attrs):
 
 
 def _drifts(attrs, key):
-    limit = max(SETTLED * abs(attrs[key]), attrs[f"{key}_error"])
+    # Older files have the change between the runs as the error.
+    change = attrs.get(f"{key}_change", attrs[f"{key}_error"])
+    limit = max(SETTLED * abs(attrs[key]), change)
     return abs(attrs[f"{key}_transient"]) > limit
 
 

@@ -7,10 +7,11 @@ import math
 import numpy as np
 
 from lapwing.codes import SearchStage
-from lapwing.summary_words import UNITS, markdown, plural
+from lapwing.findings import words_beyond
+from lapwing.report.words import UNITS, markdown, plural
 
 SYMBOLS = {"full": "T_full", "safe": "T_safe", "back": "T_back", "on": "T_on"}
-MEANINGS = {"full": "complete engagement", "safe": "no rattling survives",
+MEANINGS = {"full": "contact can be kept from", "safe": "no rattling survives",
             "back": "last back impact", "on": "rigid tooth stays on"}
 # Bands of back impacts named one by one; of more the outermost.
 BANDS = 8
@@ -18,12 +19,14 @@ REASONS = {"thrown_off": "a kink that throws the tooth off",
            "struck": "a kink that strikes the resting tooth, which bounces"}
 
 
-def critical_text(criticals):
+def critical_text(criticals, sweeps=()):
     """Findings of all searches: a table, then a paragraph each.
 
     Parameters
     ----------
     criticals : sequence of Dataset, groups `critical_<name>` of a result file
+    sweeps : sequence of Dataset, groups `sweep_<name>`; those along the braking torque tell what
+        was seen to rattle above T_full
 
     Returns
     -------
@@ -35,7 +38,7 @@ def critical_text(criticals):
               *_cells(one)) for one in criticals]
     lines = [*markdown(rows), ""]
     for one in criticals:
-        lines += [f"- `{one.attrs['name']}`: {_sentences(one)}"]
+        lines += [f"- `{one.attrs['name']}`: {_sentences(one)}{_seen(one, sweeps)}"]
     return [*lines, *_together(criticals)]
 
 
@@ -64,8 +67,10 @@ def decimals(value, bar):
 
 
 def _cells(critical):
-    """Value and bar of the table."""
+    """Value and bar of the table: half a bracket's width, or the step of the grid."""
     attrs = critical.attrs
+    if not _known(critical):
+        return "not known", "–"
     if attrs["outcome"] != "found":
         return {"safe_throughout": f"none down to {attrs.get('scan_to', 0):g}"
                 if attrs.get("safe_end") == "high" else f"none up to {attrs.get('scan_to', 0):g}",
@@ -79,6 +84,15 @@ def _cells(critical):
     return decimals(attrs["estimate"], attrs["bar"])
 
 
+def _known(critical):
+    """Whether the outcome rests on motions that were followed, not on failed ones alone."""
+    if critical.attrs["outcome"] == "found" or "trial_failed" not in critical:
+        return True
+    if critical.attrs["find"] == "back":
+        return bool(critical["trial_cycles"].values.any())
+    return critical.attrs["outcome"] != "unsafe_throughout" or _decided(critical)
+
+
 def _unit(critical):
     return UNITS.get(critical.attrs["parameter"], "")
 
@@ -89,6 +103,18 @@ def _name(critical):
     if attrs["parameter"] == "brake_torque":
         return SYMBOLS[attrs["find"]] + " ="
     return attrs["parameter"].replace("_", " ") + " ="
+
+
+def _seen(critical, sweeps):
+    """What sweeps with the same T_full saw rattle above it; empty for the other searches."""
+    attrs = critical.attrs
+    if attrs["find"] != "full" or attrs["outcome"] != "found":
+        return ""
+    same = [one for one in sweeps if one.attrs["parameter"] == attrs["parameter"]
+            and "states_visited" in one and math.isclose(
+                one.attrs.get("full_engagement", math.nan), attrs["estimate"], rel_tol=1e-9)]
+    return "".join(f" Sweep {one.attrs['name']} above it: "
+                   f"{words_beyond(one, attrs['estimate'], _unit(critical))}." for one in same)
 
 
 def _with_unit(critical, value):
@@ -119,9 +145,9 @@ def _full(critical):
         f"scan of {attrs['scan_values']} values from {attrs['scan_from']:g}, then solved"
     side, other = _sides(critical)
     return (f"**{_name(critical)} {attrs['estimate']:.12g} {_unit(critical)}** ({how}, to "
-            f"rounding): {side} it the engaged motion keeps contact; just {other} it, contact is "
-            f"lost first at mesh phase {attrs['phase']:.9f}. Nothing is said of other motions "
-            "beside it.")
+            f"rounding): {side} it contact *can* be kept, by the engaged motion; just {other} it, "
+            f"contact is lost first at mesh phase {attrs['phase']:.9f}. Other motions may rattle "
+            "beside the engaged one: this search does not look for them.")
 
 
 def _on(critical):
@@ -158,7 +184,10 @@ def _safe(critical):
               f"for {plural(attrs['record'], 'mesh cycle')} after {attrs['settle']}; starts "
               "outside of this set are not covered.")
     if attrs["outcome"] != "found":
-        return _throughout(critical, "no motion rattles", "some motion rattles") + " " + looked
+        bad = "some motion rattles" if _decided(critical) else \
+            "some motion failed numerically, and whether any rattles is not known"
+        return " ".join((_throughout(critical, "no motion rattles", bad),
+                         _failures(critical) + looked))
     last, first = attrs["rattling"], attrs["clean"]
     trials = critical.isel(trial=np.flatnonzero(critical["trial_stage"] < SearchStage.CONFIRMATION))
     at_last = _worst(trials, last)
@@ -167,12 +196,15 @@ def _safe(critical):
     value, bar = decimals(attrs["estimate"], attrs["bar"])
     others = f" and at the {plural(beyond, 'value')} tried {_sides(critical)[0]} it, as far as " \
              f"{attrs['scan_from']:g}," if beyond else ""
-    return (f"**{_name(critical)} {value} ± {bar} {_unit(critical)}**: at "
-            f"{_with_unit(critical, last)} {at_last['rattling']} of {at_last['starts']} motions "
-            f"still rattle, at {_with_unit(critical, first)}{others} none. "
+    still = f"{at_last['rattling']} of {at_last['starts']} motions still rattle" \
+        if at_last["rattling"] else "some motion failed numerically, and none is seen to rattle"
+    return (f"**{_name(critical)} {value} ± {bar} {_unit(critical)}** (the middle of a bracket and "
+            f"half its width): at {_with_unit(critical, last)} {still}, "
+            f"at {_with_unit(critical, first)}{others} none. "
             + _failures(trials) + _confirmation(critical) +
             f"Rattling motions were carried on in steps of {2 * attrs['resolution']:.3g} "
-            f"{_unit(critical)} or less until none survived. " + _further(critical) + looked)
+            f"{_unit(critical)} or less until none survived. " * bool(at_last["rattling"])
+            + _further(critical) + looked)
 
 
 def _worst(trials, value):
@@ -182,9 +214,15 @@ def _worst(trials, value):
     return {key: int(trials[f"trial_{key}"].values[best]) for key in ("rattling", "starts")}
 
 
+def _decided(critical):
+    """Whether a motion was seen to rattle, and the end of the search is not failures alone."""
+    return bool(critical["trial_rattling"].values.any())
+
+
 def _failures(trials):
     failed = int(trials["trial_failed"].sum())
-    return f"**{failed} motions failed numerically and count as rattling.** " if failed else ""
+    how = "count as rattling" if "trial_rattling" in trials else "are left out"
+    return f"**{failed} motions failed numerically and {how}.** " if failed else ""
 
 
 def _confirmation(critical):
@@ -221,16 +259,19 @@ def _back(critical):
               f"({attrs['start_phases']} phases × {attrs['start_positions']} positions × "
               f"{attrs['start_speeds']} speeds, in separation and in engagement), each examined "
               f"for {plural(attrs['record'], 'mesh cycle')} after {attrs['settle']}.")
+    examined = critical["trial_cycles"].values[:attrs["clean_values"]] > 0
+    if attrs["outcome"] == "none_seen" and not examined.any():
+        return "**not known**: every motion failed numerically. " + looked
     if attrs["outcome"] == "none_seen":
-        return (f"**no back impact seen** at any of {attrs['clean_values']} values from "
-                f"{attrs['scan_from']:g} to {_with_unit(critical, attrs['scan_to'])}. "
-                + _bound(critical) + looked)
+        return (f"**no back impact seen** at any of {plural(examined.sum(), 'value')} examined "
+                f"from {attrs['scan_from']:g} to {_with_unit(critical, attrs['scan_to'])}. "
+                + _bound(critical) + _failures(critical) + looked)
     if attrs["outcome"] == "unsafe_throughout":
         return _throughout(critical, "", "a back impact is seen") + " " + looked
     at = int(np.flatnonzero(critical["trial_value"].values == attrs["last_seen"])[0])
     seen, cycles = (int(critical[f"trial_{key}"].values[at]) for key in ("back_cycles", "cycles"))
     return (f"**last back impact seen at {_with_unit(critical, attrs['last_seen'])}** ({seen:,} of "
-            f"{cycles:,} mesh cycles); none at the {plural(attrs['clean_values'], 'value')} from "
+            f"{cycles:,} mesh cycles); none at the {plural(examined.sum(), 'value')} examined from "
             f"{attrs['first_clean']:g} to {attrs['clean_end']:g}, {attrs['clean_cycles']:,} "
             "cycles in all. "
             + _bound(critical) + _bands(critical) + " " + _failures(critical) + looked)
@@ -240,10 +281,13 @@ def _bound(critical):
     """The one-sided limit of the rate in words."""
     attrs = critical.attrs
     quiet = critical["trial_back_cycles"].values[:attrs["clean_values"]]
-    least = int(critical["trial_cycles"].values[:quiet.size].min())
+    examined = critical["trial_cycles"].values[:quiet.size]
+    blind = int((examined == 0).sum())
     percent = f"{100 * attrs['confidence']:g} %"
-    if least == 0:
-        return "**At some of these every motion failed; nothing is known there.** "
+    if blind:
+        return (f"**At {plural(blind, 'value')} of this range every motion failed; nothing is "
+                "known there.** ")
+    least = int(examined.min())
     return (f"At each of these less than one cycle in {1 / attrs['rate_bound']:,.0f} has one, with "
             f"{percent} confidence (one-sided, exact Poisson limit for none in {least:,} cycles "
             "taken as independent). ")
@@ -252,16 +296,18 @@ def _bound(critical):
 def _bands(critical):
     """Values with and without a back impact, from low to high."""
     order = np.argsort(critical["trial_value"].values)
+    blind = bool((critical["trial_cycles"].values == 0).any())
     values = critical["trial_value"].values[order]
     hit = critical["trial_back_cycles"].values[order] > 0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], hit, [False]]).astype(int)))
     runs = [f"{values[a]:g}" if b - a == 1 else f"{values[a]:g}–{values[b - 1]:g}"
             for a, b in edges.reshape(-1, 2)]
     if len(runs) == 1:
-        return f"Back impacts at {runs[0]} {_unit(critical)}, at every value of the grid between."
+        return (f"Back impacts at {runs[0]} {_unit(critical)}, at every value of the grid "
+                f"{'examined ' * blind}between.")
     shown = runs if len(runs) <= BANDS else [*runs[:BANDS // 2], "…", *runs[-BANDS // 2:]]
     return (f"**Not one threshold:** back impacts come in {len(runs)} bands of the grid, "
-            + ", ".join(shown) + f" {_unit(critical)}, and none between them.")
+            + ", ".join(shown) + f" {_unit(critical)}, and none seen between them.")
 
 
 def _together(criticals):
@@ -275,8 +321,16 @@ def _together(criticals):
     kept, safe = found[first]["estimate"], found["safe"]
     if abs(safe["estimate"] - kept) <= safe["bar"]:
         return ["", f"T_safe agrees with {SYMBOLS[first]} within its bar: above it nothing but "
-                "engagement was found."]
+                "engagement was found from the starts looked at."]
     if safe["estimate"] < kept:
         return []
-    return ["", f"Between {kept:.4g} and {safe['estimate']:.4g} N·m engaged and rattling motions "
-            "exist side by side: the start decides, and a disturbance may start the rattling."]
+    trials = next(one for one in criticals if one.attrs is safe)
+    between = (trials["trial_value"].values > kept) & (trials["trial_value"].values
+                                                       <= safe["rattling"])
+    tried, seen = (np.unique(trials["trial_value"].values[rows]).size for rows in (
+        between, between & (trials["trial_rattling"].values > 0)))
+    if not seen:
+        return []
+    return ["", f"Between {kept:.4g} and {safe['estimate']:.4g} N·m contact can be kept, and "
+            f"rattling was seen at {seen} of {plural(tried, 'value')} tried there: the start "
+            "decides, and a disturbance may start the rattling."]

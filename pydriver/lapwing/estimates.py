@@ -1,0 +1,143 @@
+"""Memory that a study takes at least, and what there is: what cannot fit is refused before work.
+
+The bounds count the engine's tables alone, every element of which is written: no study takes less.
+What is made from them (statistics, figures) comes on top; tests hold the whole to 4 times as much.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+# Columns of the engine's tables (loading it takes longer than `check` itself), bytes of a number.
+CYCLE, TANGENT, LOG, SAMPLE, REAL = 17, 13, 6, 3, 8
+LOG_ROOM = 2000
+_NO_LIMIT = 2**60
+
+
+def sweep_bytes(points: int, record: int, cycles: bool = True, impacts: bool = False,
+                exponents: bool = False, max_impacts: int = LOG_ROOM) -> int:
+    """Bytes of the tables of a sweep of `points` (values times starts), `record` cycles each."""
+    row = CYCLE * cycles + TANGENT * exponents
+    return REAL * points * (record * row + LOG * max_impacts * impacts)
+
+
+def response_bytes(record: int, samples_per_cycle: int, exponents: bool = False) -> int:
+    """Bytes of the tables of a response while the second of its two runs is sampled.
+
+    The samples of both runs are there then, and twice the times (cycle, time in it) of one.
+    """
+    row = 2 * (CYCLE + TANGENT * exponents) + (2 * SAMPLE + 2 * 2) * samples_per_cycle
+    return REAL * record * row
+
+
+def available_bytes(root: Path = Path("/")) -> int | None:
+    """Memory that may still be taken, by the tightest of the limits known; None: none is known.
+
+    The system's free memory and swap, the limit of the address space, and those of the control
+    groups (versions 1 and 2) that this process is in.
+
+    Parameters
+    ----------
+    root : Path, of proc and sys
+    """
+    found = [*_of_system(root), *_of_address_space(root), *_of_groups(root)]
+    return max(0, min(found)) if found else None
+
+
+def require(needed: int, who: str, keys: str):
+    """MemoryError where more is needed than there is, before any of it is taken."""
+    text = refusal(needed, keys, available_bytes())
+    if text:
+        raise MemoryError(f"{who}: {text}")
+
+
+def refusal(needed: int, keys: str, available: int | None) -> str:
+    """What to say where more is needed than there is, else empty text."""
+    if available is None or needed <= available:
+        return ""
+    return (f"needs at least {spell(needed)} of memory, {spell(available)} are available; "
+            f"lower {keys}")
+
+
+def spell(count: int) -> str:
+    """Bytes in words, three digits: `3.7 TB`."""
+    power = min(5, int(math.log10(max(count, 1)) / 3))
+    return f"{count / 1000**power:.3g} {('bytes', 'kB', 'MB', 'GB', 'TB', 'PB')[power]}"
+
+
+def deck_bytes(deck: object) -> list[tuple[str, int, str]]:
+    """(what it is, bytes at least, keys to lower) of each response and sweep of a deck."""
+    found = [(f"&response {study.name!r}",
+              response_bytes(study.record_cycles, study.samples_per_cycle, study.exponents),
+              "record_cycles or samples_per_cycle") for study in deck.responses]
+    return found + [
+        (f"&sweep {study.name!r}",
+         sweep_bytes(study.values.size * len(study.starts), study.record_cycles,
+                     impacts=study.impacts, exponents=study.exponents),
+         "record_cycles, the number of values or of starts" + ", or impacts" * study.impacts)
+        for study in deck.sweeps]
+
+
+def stated(deck: object) -> str:
+    """What the largest response or sweep of a deck takes at least, to end a line of `check`."""
+    most = max((needed for _, needed, _ in deck_bytes(deck)), default=0)
+    return f"; memory at least {spell(most)}" * (most > 0)
+
+
+def refusals(deck: object) -> list[str]:
+    """One message for each study of a deck that does not fit into the memory available."""
+    available = available_bytes()
+    texts = ((what, refusal(needed, keys, available)) for what, needed, keys in deck_bytes(deck))
+    return [f"{deck.path}: {what} {text}" for what, text in texts if text]
+
+
+def _read(path):
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, ValueError):
+        return ""
+
+
+def _kilobytes(text):
+    """Name -> bytes of the lines `name: number kB` of proc."""
+    rows = (line.replace(":", " ").split() for line in text.splitlines())
+    return {row[0]: 1024 * int(row[1]) for row in rows if len(row) == 3 and row[2] == "kB"}
+
+
+def _of_system(root):
+    facts = _kilobytes(_read(root / "proc/meminfo"))
+    return [facts["MemAvailable"] + facts.get("SwapFree", 0)] if "MemAvailable" in facts else []
+
+
+def _of_address_space(root):
+    try:
+        import resource
+    except ImportError:  # not on Windows
+        return []
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit == resource.RLIM_INFINITY:
+        return []
+    return [limit - _kilobytes(_read(root / "proc/self/status")).get("VmSize", 0)]
+
+
+def _of_groups(root):
+    """Of each control group with a limit, what is left; its file cache can be given back."""
+    left = []
+    for line in _read(root / "proc/self/cgroup").splitlines():
+        _, kinds, path = line.split(":", 2)
+        if kinds == "":
+            base, names = root / "sys/fs/cgroup", ("memory.max", "memory.current", "file")
+        elif "memory" in kinds.split(","):
+            base, names = root / "sys/fs/cgroup/memory", (
+                "memory.limit_in_bytes", "memory.usage_in_bytes", "total_cache")
+        else:
+            continue
+        own = Path(path.lstrip("/"))
+        for folder in (own, *own.parents):
+            limit, used = (_read(base / folder / name).strip() for name in names[:2])
+            if limit.isdigit() and used.isdigit() and int(limit) < _NO_LIMIT:
+                cache = [row.split()[1] for row in _read(base / folder / "memory.stat").splitlines()
+                         if row.startswith(names[2] + " ")]
+                left.append(int(limit) - int(used) + sum(map(int, cache)))
+    return left

@@ -1,0 +1,61 @@
+"""Messages about bad input, kept short: a file of any size gives a page of them at most."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+
+MAX_OF_A_KIND, MAX_MESSAGES, MAX_CHARACTERS, MAX_LENGTH = 20, 200, 20_000, 800
+_LONGEST_WORD = 200
+_WORD = re.compile(r"'[^']*'|= \S+|\S+")
+_VARIABLE = re.compile("['=]|.*[0-9]")
+
+
+def cut(text: str, length: int = 40) -> str:
+    """A text of at most `length` characters, with dots where something is left out."""
+    return text if len(text) <= length else text[:length - 3] + "..."
+
+
+def cut_words(text: str) -> str:
+    """A message whose long words, and itself, are cut."""
+    text = re.sub(rf"\S{{{_LONGEST_WORD + 1},}}", lambda m: cut(m[0], _LONGEST_WORD), text)
+    return cut(text, MAX_LENGTH)
+
+
+def bounded(problems: Iterable, text_of: Callable, with_text: Callable) -> list:
+    """The first problems of each kind, and of all; the last one of them counts the others.
+
+    Parameters
+    ----------
+    problems : iterable, in the order to be shown
+    text_of : function, problem -> its message
+    with_text : function, (problem, message) -> the same problem with another message
+    """
+    kept, number, left_out, last, characters = [], {}, {}, {}, 0
+    beyond = 0
+    for problem in problems:
+        text = text_of(problem)
+        kind = _kind(text)
+        number[kind] = number.get(kind, 0) + 1
+        if number[kind] > MAX_OF_A_KIND:
+            left_out[kind] = left_out.get(kind, 0) + 1
+        elif len(kept) == MAX_MESSAGES or characters + len(text) > MAX_CHARACTERS:
+            beyond += 1
+        else:
+            last[kind] = len(kept)
+            kept.append(problem)
+            characters += len(text)
+    for kind, more in left_out.items():
+        if kind in last:
+            at = kept[last[kind]]
+            kept[last[kind]] = with_text(at, f"{text_of(at)} (... and {more} more of this kind)")
+        else:
+            beyond += more
+    if beyond:
+        kept[-1] = with_text(kept[-1], f"{text_of(kept[-1])} (... and {beyond} more problems)")
+    return kept
+
+
+def _kind(text):
+    """A message without what differs in its kind: quoted texts, values, words with digits."""
+    return _WORD.sub(lambda word: "#" if _VARIABLE.match(word[0]) else word[0], text)

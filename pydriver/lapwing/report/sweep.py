@@ -1,0 +1,131 @@
+"""What a sweep says in words: a table over its range, the last rattling values, hysteresis."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lapwing.arrivals import arrivals_in, per_cycle
+from lapwing.codes import Status
+from lapwing.findings import START_NAMES, known, names, rattles, span, words_beyond
+from lapwing.report.hysteresis import hysteresis
+from lapwing.report.stability import sweep_stability
+from lapwing.report.words import UNITS, markdown, method_words, plural
+
+# A sweep is told in about so many lines, spread over its range.
+TABLE_LINES = 12
+
+
+def sweep_text(sweep):
+    """Findings of one sweep, as a list; each says on which values it was judged.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset, group `sweep_<name>` of a result file
+
+    Returns
+    -------
+    list of str, lines of Markdown
+    """
+    unit = UNITS.get(sweep.attrs["parameter"], "")
+    lines = [_extent(sweep, unit)]
+    if "deepest_separation" not in sweep:
+        return lines
+    if not known(sweep).any():
+        return [*lines, "- no point has a result: nothing is known of its motions"]
+    values = sweep[sweep.attrs["parameter"]].values
+    law = arrivals_in(sweep.attrs)
+    back = (sweep["back_impacts"] + sweep["back_engages"] > 0).any("recorded_cycle").values
+    lines += [f"- last back {law.word}: " + _largest(sweep, values, back, unit),
+              "- last separation (anything but engagement of the drive flanks): "
+              + _largest(sweep, values, rattles(sweep), unit)]
+    lines += _full_engagement(sweep, unit)
+    coexisting = hysteresis(sweep, unit)
+    lines.append("- hysteresis: " + coexisting[0])
+    lines += sweep_stability(sweep, unit)
+    lines.append(f"- {law.word}s are counted: {law.rule(sweep.attrs['count_depth'])}"
+                 + " separation" * law.threshold)
+    if not law.threshold and {"impact_velocity", "impact_speed_density"} & set(sweep):
+        lines.append("- no impact speeds: the compliant law has no impacts")
+    return [*lines, *coexisting[1:], "", *_table(sweep, values, unit)]
+
+
+def _extent(sweep, unit):
+    """What was swept, and how much of it there is."""
+    attrs, status = sweep.attrs, sweep["status"].values
+    values = sweep[attrs["parameter"]].values
+    unfinished = int((status == Status.UNFINISHED).sum())
+    failed = int((status != Status.OK).sum()) - unfinished
+    ends = f"at {values[0]:g}" if values.size == 1 else \
+        f"from {values[0]:g} to {values[-1]:g}"
+    return (f"- {attrs['parameter'].replace('_', ' ')} {ends} {unit}".rstrip()
+            + f": {plural(values.size, 'value')} × {plural(sweep.sizes['start'], 'start')}, "
+            + f"contact law `{attrs['contact_law']}`, " * ("contact_law" in attrs)
+            + f"{plural(attrs['settle'], 'mesh cycle')} to settle and "
+            f"{attrs['record']} recorded, {method_words(attrs)}; "
+            f"{failed or 'none'} of {status.size} failed"
+            + f", **{unfinished} not reached**" * bool(unfinished))
+
+
+def _full_engagement(sweep, unit):
+    """From where contact can be kept, and what was seen to rattle above."""
+    value = sweep.attrs.get("full_engagement", np.nan)
+    if not np.isfinite(value):
+        return []
+    return [f"- T_full = {value:.10g} {unit}: contact *can* be kept from here, for the engaged "
+            "motion never separates above it (contact is first lost at mesh phase "
+            f"{sweep.attrs['full_engagement_phase']:.6f}). Other motions beside it: "
+            f"{words_beyond(sweep, value, unit)}"]
+
+
+def _table(sweep, values, unit):
+    """Some values of a sweep, spread evenly over it, of the motions from rest if there are any."""
+    starts = [str(start) for start in sweep["start"].values]
+    results = known(sweep).sum(axis=1)
+    start = starts.index("rest") if "rest" in starts else 0
+    if not results[start]:
+        start = int(np.argmax(results))
+    branch, law = sweep.isel(start=start), arrivals_in(sweep.attrs)
+    impacts, back = (per_cycle(branch, side) for side in ("drive", "coast"))
+    depth = 1e6 * branch["deepest_separation"].max("recorded_cycle").values
+    name = sweep.attrs["parameter"].replace("_", " ")
+    rows = [(name + f" ({unit})" * bool(unit), f"{law.word}s per cycle",
+             f"back {law.word}s per cycle", "period (mesh cycles)", "deepest separation (µrad)")]
+    for i in np.unique(np.linspace(0, values.size - 1, TABLE_LINES).round().astype(int)):
+        status = Status(int(branch["status"].values[i]))
+        if status == Status.OK:
+            cells = (f"{impacts[i]:.3g}", f"{back[i]:.3g}",
+                     str(int(branch["period"].values[i]) or "none"), f"{depth[i]:.4g}")
+        else:
+            lost = "not reached" if status == Status.UNFINISHED else "failed"
+            cells = (lost, *"–––")
+        rows.append((f"{values[i]:g}", *cells))
+    which = "The motions" if values.size <= TABLE_LINES else "Some of the motions"
+    return [f"{which} {START_NAMES.get(starts[start], starts[start])}:", "", *markdown(rows)]
+
+
+def _largest(sweep, values, seen, unit):
+    """Largest value at which something was seen and what is known above it, for each start."""
+    found = {}
+    for start, done, hit in zip(sweep["start"].values, known(sweep), seen, strict=True):
+        found.setdefault(_largest_of(values, done, hit & done, unit), []).append(str(start))
+    return "; ".join(f"{words} ({names(starts)})" for words, starts in found.items())
+
+
+def _largest_of(values, done, seen, unit):
+    """The same for one start, in words."""
+    if not done.any():
+        return f"not known (no result at {plural(values.size, 'value')})"
+    hits = np.flatnonzero(seen)
+    if not hits.size:
+        part = "" if done.all() else f"; no result at the other {values.size - done.sum()}"
+        return f"none at {span(values[done], unit)}{part}"
+    last = f"{values[hits[-1]]:g} {unit}".rstrip()
+    if hits[-1] == values.size - 1:
+        return f"{last} (the end of the range)"
+    above = done[hits[-1] + 1:]
+    if not above.any():
+        return f"{last}, not known above it ({plural(above.size, 'value')} without a result)"
+    if not above.all():
+        return (f"{last}, none at the {above.sum()} of {above.size} values above it that have a "
+                "result")
+    return f"{last}, none at {values[hits[-1] + 1]:g} {unit}".rstrip()

@@ -1,0 +1,115 @@
+"""Checksums of a netCDF file by variable, so that damage is told by its place."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+
+# Attribute of the root that holds the checksums of everything else.
+CHECKSUMS = "checksums"
+
+
+class DamagedFile(ValueError):
+    """A result file whose content is not what was written; the text says where."""
+
+
+def checksums(path: str | Path) -> dict[str, str]:
+    """SHA-256 of every variable and of the attributes of every group.
+
+    Parameters
+    ----------
+    path : str or Path, of a netCDF-4 file
+
+    Returns
+    -------
+    dict
+        "/group/variable" -> hex, over type, shape and numbers; "/group" -> hex, over its
+        attributes and those of its variables.
+
+    Raises
+    ------
+    OSError, RuntimeError
+        where the file, or a part of it, cannot be read.
+    """
+    import netCDF4
+
+    found = {}
+    with netCDF4.Dataset(path) as file:
+        file.set_auto_maskandscale(False)
+        for group in (file, *file.groups.values()):
+            for name, variable in group.variables.items():
+                found[f"{group.path.rstrip('/')}/{name}"] = _of_array(variable[...])
+            found[group.path] = _of_attributes(group)
+    return found
+
+
+def store_checksums(path: str | Path) -> dict[str, str]:
+    """Write the checksums of a finished file into it; returns them."""
+    import netCDF4
+
+    found = checksums(path)
+    with netCDF4.Dataset(path, "a") as file:
+        file.setncattr(CHECKSUMS, json.dumps(found, sort_keys=True))
+    return found
+
+
+def verify_file(path: str | Path) -> bool:
+    """Compare a file with the checksums in it.
+
+    Returns
+    -------
+    bool
+        False where it has none: a file of an earlier version, of which nothing is known.
+
+    Raises
+    ------
+    DamagedFile
+        naming every variable and group that differs.
+    OSError
+        where there is no such file or it is no netCDF file.
+    """
+    import netCDF4
+
+    with netCDF4.Dataset(path) as file:
+        if "lapwing_version" not in file.ncattrs():
+            raise ValueError(f"{path} is no result file of Lapwing")
+        # Any attribute that version 0.1 did not have: a damaged name hides no damage.
+        if not {"schema_version", CHECKSUMS, "engine_sha256", "interrupted"} & {*file.ncattrs()}:
+            return False
+        listed = getattr(file, CHECKSUMS, "")
+    try:
+        stated = json.loads(listed)
+        found = checksums(path)
+    except (ValueError, RuntimeError, OSError) as error:
+        raise DamagedFile(f"{path} is damaged: {error}") from None
+    wrong = sorted(name for name in {*stated, *found} if stated.get(name) != found.get(name))
+    if wrong:
+        raise DamagedFile(f"{path} is damaged: {', '.join(wrong)}")
+    return True
+
+
+def _of_array(values: np.ndarray) -> str:
+    values = np.ma.getdata(values)
+    if values.dtype.kind in "OU":
+        content = json.dumps(np.asarray(values, dtype=object).tolist()).encode()
+    else:
+        content = np.ascontiguousarray(values).tobytes()
+    head = f"{values.dtype.kind} {values.shape}\0".encode()
+    return hashlib.sha256(head + content).hexdigest()
+
+
+def _of_attributes(group) -> str:
+    owners = {"": group, **group.variables}
+    content = {f"{owner}:{name}": _plain(holder.getncattr(name))
+               for owner, holder in owners.items() for name in holder.ncattrs()
+               if (owner, name) != ("", CHECKSUMS)}
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _plain(value):
+    """An attribute as JSON tells it apart: numbers by their shortest exact spelling."""
+    return value if isinstance(value, str) else [str(np.asarray(value).dtype),
+                                                 repr(np.asarray(value).tolist())]

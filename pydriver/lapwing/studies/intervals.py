@@ -1,0 +1,166 @@
+"""Intervals that cover what they claim: means of correlated series, rates of events in clusters.
+
+Where a series is too short for its own correlation nothing is claimed: the half width is NaN.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+CONFIDENCE = 0.95
+# The sum of autocorrelations is cut at so many of its own correlation times (Sokal's window): what
+# is left out of an exponential is e^-5.
+WINDOW = 5.0
+# A batch is at least so many correlation times long.
+BATCH_TIMES = 5.0
+# Fewer batches say nothing of their own scatter; more make an interval hardly any steadier, and
+# longer ones depend less on each other.
+FEWEST_BATCHES, MOST_BATCHES = 8, 32
+# Batch means whose neighbours are alike beyond this (one-sided 5 %, times √batches) still depend
+# on each other.
+ALIKE = 1.645
+
+
+class MeanInterval(NamedTuple):
+    """Mean of a correlated series and what is known of it.
+
+    Attributes
+    ----------
+    mean : float
+    half_width : float, half of the interval; NaN: not known
+    effective : float, independent samples with as sure a mean; NaN where it is not known
+    batches : int, behind the interval; 0 where it is not known
+    """
+
+    mean: float
+    half_width: float
+    effective: float
+    batches: int
+
+
+def correlation_time(values: np.ndarray) -> float:
+    """Sum of the autocorrelations over both sides, in samples; infinite where the series is short.
+
+    The sum is cut at the first lag W of at least `WINDOW` times the sum so far; taking the mean
+    from the series itself has cost it a part of (2W + 1)/n, which is given back (Wolff 2004,
+    Comput. Phys. Commun. 156, 143-153).
+
+    Parameters
+    ----------
+    values : array (n,), not all the same
+    """
+    apart = values - values.mean()
+    n = len(apart)
+    spectrum = np.fft.rfft(apart, 2 * n)
+    covariance = np.fft.irfft(spectrum * spectrum.conj(), 2 * n)[:n]
+    sums = 2 * np.cumsum(covariance / covariance[0]) - 1
+    enough = np.arange(n) >= np.maximum(WINDOW * sums, 1)
+    lag = int(np.argmax(enough))
+    return float(sums[lag] * (1 + (2 * lag + 1) / n)) if enough.any() else math.inf
+
+
+def mean_interval(values: np.ndarray, confidence: float = CONFIDENCE) -> MeanInterval:
+    """Interval of the mean of a stationary series from the means of batches.
+
+    1. The correlation time gives the least length of a batch.
+    2. Where neighbouring batch means are still alike, batches are made twice as long.
+    3. Batches of L samples with a correlation time of T still share some: of an autoregressive
+       series their means vary too little by (T - 1/T)/(2L). Twice that is added.
+    4. Student's t of the number of batches, 8 to 32, gives the interval. Where the series does
+       not make 8, or does not vary at all, it is not known.
+
+    Parameters
+    ----------
+    values : array (n,)
+    confidence : float, 0 to 1
+
+    Returns
+    -------
+    MeanInterval
+    """
+    from scipy.stats import t
+
+    values = np.asarray(values, dtype=float)
+    mean = float(np.mean(values)) if values.size else math.nan
+    unknown = MeanInterval(mean, math.nan, math.nan, 0)
+    if len(values) < FEWEST_BATCHES or not np.all(np.isfinite(values)) or np.ptp(values) == 0:
+        return unknown
+    time = max(correlation_time(values), 1.0)
+    least = BATCH_TIMES * time
+    if least > len(values) / FEWEST_BATCHES:
+        return unknown
+    batches = min(MOST_BATCHES, int(len(values) // math.ceil(least)))
+    while batches >= FEWEST_BATCHES:
+        length = len(values) // batches
+        means = values[len(values) - length * batches:].reshape(batches, length).mean(axis=1)
+        if not _alike(means):
+            variance = means.var(ddof=1) / batches / (1 - (time - 1 / time) / length)
+            half = t.ppf(0.5 + 0.5 * confidence, batches - 1) * math.sqrt(variance)
+            effective = values.var() / variance if variance > 0 else math.nan
+            return MeanInterval(mean, float(half), float(effective), batches)
+        batches //= 2
+    return unknown
+
+
+def _alike(means):
+    """Whether neighbours among batch means are more alike than chance makes them."""
+    apart = means - means.mean()
+    square = apart @ apart
+    return bool(square > 0 and (apart[1:] @ apart[:-1]) / square > ALIKE / math.sqrt(len(means)))
+
+
+def bursts(times: list[np.ndarray]) -> int:
+    """Number of bursts among events that come in clusters, as few as the gaps allow for.
+
+    The extremal index (part of the events that begin a burst) is estimated from the gaps between
+    events of one record, after Ferro and Segers (2003, J. R. Statist. Soc. B 65, 545-556); the
+    largest gaps separate bursts.
+
+    Parameters
+    ----------
+    times : list of arrays (n,) of int, rising; whole cycles with an event, one array per record
+
+    Returns
+    -------
+    int; at least one per record with an event
+    """
+    gaps = np.concatenate([np.diff(some) for some in times] or [np.empty(0, int)])
+    records = sum(len(some) > 0 for some in times)
+    apart = np.sort(gaps)[::-1]
+    between = min(int(_extremal_index(gaps) * gaps.size), gaps.size)
+    # Equal gaps are alike: either all of them separate bursts or none does.
+    if 0 < between < gaps.size:
+        between = int(np.sum(apart > apart[between]))
+    # A gap of one cycle is none.
+    return records + min(between, int(np.sum(gaps > 1)))
+
+
+def _extremal_index(gaps):
+    """Moment estimate from gaps; 1 where there are none."""
+    if not gaps.size:
+        return 1.0
+    less = (gaps - 1.0, gaps - 2.0) if gaps.max() > 2 else (gaps.astype(float),) * 2
+    mixed = np.sum(less[0] * less[1])
+    return min(1.0, float(2 * np.sum(less[0]) ** 2 / (gaps.size * mixed))) if mixed > 0 else 1.0
+
+
+def rate_limit(events: np.ndarray, exposure: np.ndarray, confidence: float = CONFIDENCE):
+    """Exact one-sided upper limit of a Poisson rate: χ²(confidence; 2·events + 2)/(2·exposure).
+
+    Parameters
+    ----------
+    events : array of int, independent of each other
+    exposure : array, what they were seen in; 0: the limit is infinite
+    confidence : float, 0 to 1
+
+    Returns
+    -------
+    array, events per unit of exposure
+    """
+    from scipy.stats import chi2
+
+    with np.errstate(divide="ignore"):
+        return 0.5 * chi2.ppf(confidence, 2 * np.asarray(events) + 2) / exposure

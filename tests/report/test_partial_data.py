@@ -1,0 +1,103 @@
+"""No report and no figure claims what missing, failed or aperiodic points cannot show."""
+
+import re
+import warnings
+from importlib import import_module
+
+import numpy as np
+import pytest
+from partial_data import DAMAGES, interrupted, whole_sweeps
+
+from lapwing import Status, plots
+from lapwing.plots import orbit_diagram
+from lapwing.report.headlines import headlines
+from lapwing.report.sweep import sweep_text
+
+PAIR = {"natural_frequency": 8304.69, "pinion_base_lever": 0.034, "backlash": 0.002}
+SWEEPS = ("torque", "compliant", "rigid", "one_branch", "single", "negative", "engaged", "speed")
+
+
+@pytest.fixture(scope="module")
+def sweeps():
+    return whole_sweeps()
+
+
+@pytest.mark.parametrize("damage", DAMAGES, ids=lambda one: one.__name__)
+@pytest.mark.parametrize("name", SWEEPS)
+def test_every_sentence_rests_on_results(sweeps, name, damage):
+    data = damage(sweeps[name])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        said = "\n".join(sweep_text(data))
+        line, = headlines((), {}, {name: data})
+    done = data["status"].values == Status.OK
+    assert not re.search(r"\b(nan|inf)\b", said)
+    assert line.startswith(f"{name}: {done.sum()} of {done.size} points")
+    if not done.any():
+        assert "nothing is known of its motions" in said
+        assert "hysteresis" not in said and "last" not in said and "T_full" not in said
+        return
+    if not done[0].any() and done.shape[0] > 1:
+        assert "not known" in said
+    hysteresis = next(line for line in said.splitlines() if line.startswith("- hysteresis"))
+    if len(data["start"]) == 1:
+        assert "not looked for" in hysteresis
+        return
+    starts = list(data["start"].values)
+    both = done[starts.index("up")] & done[starts.index("down")]
+    periods = data["period"].values[[starts.index("up"), starts.index("down")]]
+    judged = int((both & periods.any(axis=0)).sum())
+    if not judged:
+        assert "hysteresis: not known" in hysteresis
+    elif judged < both.size:
+        assert f"judged at {judged} of {both.size} values" in hysteresis
+    else:
+        assert re.search(rf"judged at (all )?{judged} value", hysteresis)
+
+
+@pytest.mark.parametrize("damage", DAMAGES, ids=lambda one: one.__name__)
+@pytest.mark.parametrize("name", SWEEPS)
+def test_every_figure_is_drawn_without_a_warning(sweeps, name, damage):
+    data = damage(sweeps[name])
+    drawn = [module for module in plots.SWEEP_FIGURES if plots._has(data, module)]
+    assert bool(drawn) == bool((data["status"] == Status.OK).any())
+    for module in plots.SWEEP_FIGURES:
+        if not plots._has(data, module):
+            continue
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            figure = import_module(f"lapwing.plots.{module}").draw(data, PAIR)
+        words = " ".join(text.get_text() for axis in figure.axes for text in axis.texts)
+        assert not re.search(r"\b(nan|inf)\b", words)
+        assert "complete engagement from" not in words
+
+
+def test_an_interrupted_sweep_knows_no_hysteresis_and_no_last_impact_above(sweeps):
+    said = "\n".join(sweep_text(interrupted(sweeps["torque"])))
+    assert "- hysteresis: not known (0 values in common)" in said
+    assert "; no result at the other 4" in said
+    assert not re.search(r"last back impact: none \(", said)
+
+
+def test_rattling_above_complete_engagement_is_said_with_its_start(sweeps):
+    kept = next(line for line in sweep_text(sweeps["torque"]) if line.startswith("- T_full"))
+    assert "contact *can* be kept from here" in kept
+    assert re.search(r"rattling seen up to 12\.2 N·m \([^)]*carried upwards\)", kept)
+    assert "none at 4 values from 12 to 14 N·m above it" in kept
+    figure = orbit_diagram.draw(sweeps["torque"], PAIR)
+    words = " ".join(text.get_text() for axis in figure.axes for text in axis.texts)
+    assert "contact can be kept from here" in words and "rattling seen up to 12.2" in words
+
+
+def test_without_restitution_arrivals_are_engagements_everywhere(sweeps):
+    data = sweeps["compliant"]
+    said = "\n".join(sweep_text(data))
+    assert "impacts per cycle" not in said and "| brake torque (N·m) | engagements per" in said
+    assert "engagements are counted: every one" in said
+    assert "1:(0,0), " not in said
+    for module in ("orbit_diagram", "staircase"):
+        figure = import_module(f"lapwing.plots.{module}").draw(data, PAIR)
+        axis = next(one for one in figure.axes if one.get_ylabel() == "engagements\nper cycle")
+        assert max(np.nanmax(line.get_ydata()) for line in axis.lines[:3]) > 0
+        assert not any("approach speed" in one.get_ylabel() for one in figure.axes)
+    assert not plots._has(data, "impact_speed_density")

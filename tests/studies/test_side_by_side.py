@@ -1,0 +1,62 @@
+"""Calls side by side: their order, their errors, their interruption."""
+
+import _thread
+import threading
+
+import pytest
+
+from lapwing.studies.side_by_side import side_by_side
+
+
+def ignore(_):
+    pass
+
+
+@pytest.mark.parametrize("threads", [1, 2, 9])
+def test_results_are_told_by_their_place(threads):
+    shares = []
+    found, complete = side_by_side(lambda x: x * x, range(6), threads, shares.append)
+    assert complete and found == {place: place * place for place in range(6)}
+    assert shares == [pytest.approx(n / 6) for n in range(1, 7)]
+
+
+def test_two_are_at_work_at_once():
+    """Each waits for the other; one after the other, they would wait for ever."""
+    barrier = threading.Barrier(2, timeout=20)
+    found, complete = side_by_side(lambda _: barrier.wait(), range(2), 2, ignore)
+    assert complete and sorted(found.values()) == [0, 1]
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_an_error_is_raised(threads):
+    def work(x):
+        if x == 3:
+            raise ValueError("three")
+        return x
+
+    with pytest.raises(ValueError, match="three"):
+        side_by_side(work, range(6), threads, ignore)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_an_interruption_reaches_every_thread_and_keeps_what_is_finished(threads):
+    """Item 0 is short, the others go on until they are interrupted."""
+    begun, first = threading.Semaphore(0), threading.Event()
+
+    def work(x):
+        if x == 0:
+            return x
+        first.wait()  # the one item that ends has ended
+        begun.release()
+        while True:  # in steps that can be interrupted; the guard of the test run ends a failure
+            threading.Event().wait(0.01)
+
+    def interrupt():
+        for _ in range(threads):
+            begun.acquire()
+        _thread.interrupt_main()
+
+    threading.Thread(target=interrupt).start()
+    found, complete = side_by_side(work, range(6), threads, lambda _: first.set())
+    assert not complete and found == {0: 0}
+    assert threading.active_count() <= 2

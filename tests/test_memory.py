@@ -1,0 +1,141 @@
+"""Memory follows what happens, not the ratio of two scales of the input."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import lapwing
+from lapwing import engine
+
+# A child process under a limit: its outcome, and the most memory it had, MB.
+CHILD = """
+import json, resource, sys
+resource.setrlimit(resource.RLIMIT_AS, ({limit} << 20, {limit} << 20))
+import numpy as np
+import lapwing
+
+def peak():  # of this program alone: ru_maxrss also counts the process that began it
+    with open("/proc/self/status") as file:
+        return next(int(line.split()[1]) for line in file if line.startswith("VmHWM"))
+
+begun = peak()
+try:
+    {code}
+except (ValueError, MemoryError) as error:
+    said = f"{{type(error).__name__}}: {{error}}"
+print(json.dumps([said, (peak() - begun) / 1024]))
+"""
+
+
+pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
+
+
+def child(code, limit=4096):
+    done = subprocess.run([sys.executable, "-c", CHILD.format(code=code, limit=limit)],
+                          capture_output=True, text=True, check=False)
+    assert done.returncode == 0, (done.returncode, done.stderr)
+    return json.loads(done.stdout)
+
+
+def stiff(ratio, xi):
+    return (f"lapwing.Oscillator(lapwing.TransmissionError.parabola(1e-4), force=1e-4, "
+            f"mesh_frequency_ratio={ratio}, damping_ratio={xi}, restitution=.5, backlash=2e-3)")
+
+
+@pytest.mark.parametrize(("ratio", "xi"), [
+    (1.0, 1e-3), (1.0, 1.0), (1e-2, 1.0), (1e-2, 50.0), (1e-3, 100.0), (1e-4, 100.0),
+    (1e-5, 100.0)])
+def test_a_fast_damper_takes_no_more_memory(ratio, xi):
+    code = (f"said = lapwing.simulate({stiff(ratio, xi)}, cycles=1, "
+            "max_steps_per_cycle=200_000).status.name")
+    said, megabytes = child(code)
+    assert said in ("OK", "TOO_MANY_STEPS") and megabytes < 200
+
+
+def test_the_closed_form_is_refused_where_it_does_not_fit():
+    said, megabytes = child(
+        f"said = str(lapwing.simulate({stiff(1e-7, .1)}, cycles=1, method='exact'))")
+    assert said.startswith("ValueError: method = 'exact'") and "damping_ratio" in said
+    assert megabytes < 100
+
+
+TIGHT = """
+import resource, sys
+import numpy as np
+import lapwing
+osc = {osc}
+pair = lapwing.GearPair(25, 32, 0.0078, 0.026, 0.034, 3.12e8, 0.002, 0.8, damping_ratio=50.)
+lapwing.simulate(osc, cycles=1, max_steps_per_cycle=10, method="rk4")
+given = {{"values": [2.0, 3.0], "mesh_frequency_hz": 26.4, "settle": 0, "record": 1, "threads": 1}}
+lapwing.sweep(pair, osc.te, max_steps_per_cycle=10, method="rk4", **given)
+used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+limit = used + ({room} << 20)
+resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+run = lapwing.simulate(osc, cycles=1, method="exact")
+given |= {{"parameter": "mesh_frequency_hz", "values": [26.4, 400.0], "brake_torque": 2.0}}
+del given["mesh_frequency_hz"]
+swept = lapwing.sweep(pair, osc.te, method="exact", starts=("down",), **given)
+print(run.status.name, *(lapwing.Status(one).name for one in swept.status.values[0]))
+"""
+
+
+@pytest.mark.parametrize(("room", "statuses"), [
+    (4, {"OUT_OF_MEMORY"}), (1000, {"OK", "TOO_MANY_EVENTS"})])
+def test_no_memory_is_a_status(room, statuses):
+    code = TIGHT.format(osc=stiff(2e-2, 50.0), room=room)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
+                          check=False)
+    assert done.returncode == 0, (done.returncode, done.stderr)
+    assert set(done.stdout.split()) <= statuses
+
+
+@pytest.mark.parametrize("te", [
+    lapwing.TransmissionError.parabola(1e-4), lapwing.TransmissionError.harmonic([1e-4, 2e-5]),
+    lapwing.TransmissionError.from_samples(np.arange(40) / 40, np.cos(np.arange(40)))])
+def test_the_bound_counts_the_panels(te):
+    """The count itself: PANEL_SPAN is that of the engine, (0.25 eps 16!)^(1/16) times two."""
+    assert pytest.approx(2 * (0.25 * 2.0**-52 * 20922789888000)**(1 / 16), rel=2e-3) \
+        == engine.PANEL_SPAN
+    osc = lapwing.Oscillator(te, force=1.0, mesh_frequency_ratio=1e-3, damping_ratio=3.0,
+                             restitution=.5, backlash=1.0)
+    assert engine.panels_of(osc) == pytest.approx(osc.period * 6 / 1.31, rel=0.01)
+
+
+def test_extrema_search_few_pieces(monkeypatch):
+    """Of a series of order 200 and of a smooth table: where its bounds pass all knots."""
+    from lapwing import transmission_error
+
+    calls, original = [], transmission_error.stationary_points
+    monkeypatch.setattr(transmission_error, "stationary_points",
+                        lambda piece: calls.append(1) or original(piece))
+    te = lapwing.TransmissionError.harmonic([1e-4, 3e-5], [0.3, 0.4], [1, 200])
+    assert te.peak_to_peak == pytest.approx(2.6e-4, rel=1e-3)
+    assert len(calls) < 0.02 * te.coefficients.shape[0]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_extrema_are_those_of_every_piece(seed):
+    from numpy.polynomial import polynomial as power
+
+    from lapwing.transmission_error import stationary_points
+    from random_scenes import transmission_error
+
+    te = transmission_error(np.random.default_rng(seed), 41)
+    values = [power.polyval(stationary_points(piece), piece) for piece in (
+        te.coefficients * np.diff(te.knots)[:, None] ** np.arange(6))]
+    assert te.extrema == (min(map(np.min, values)), max(map(np.max, values)))
+
+
+def test_many_knots_fit_on_the_stack_and_take_no_time_of_their_square():
+    """200,000 knots, in the main thread and in two others."""
+    said, _ = child(
+        "n = 200_000; phase = np.arange(n) / n\n"
+        "    te = lapwing.TransmissionError.from_hermite(phase, 1e-4 * np.cos(2 * np.pi * phase), "
+        "-2e-4 * np.pi * np.sin(2 * np.pi * phase))\n"
+        "    osc = lapwing.Oscillator(te, force=1e-4, mesh_frequency_ratio=.1, damping_ratio=.1, "
+        "restitution=.5, backlash=2e-3)\n"
+        "    said = lapwing.simulate(osc, cycles=1, method='rk4', rtol=1e-4).status.name")
+    assert said == "OK"
