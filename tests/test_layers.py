@@ -183,7 +183,7 @@ PYTHON_LAYERS = [
     {"studies"},
     {"results", "report"},
     {"plots"},
-    {"run", "progress"},
+    {"run", "progress", "console"},
     {"cli"},
     {"__main__"},
 ]

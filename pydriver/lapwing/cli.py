@@ -16,7 +16,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import typer
 
-from lapwing import estimates, exit_codes, signals
+from lapwing import console, estimates, exit_codes, signals
 from lapwing.exit_codes import MEANINGS, ExitCode
 
 OK, FAILED, BAD_INPUT, INTERRUPTED = (
@@ -344,7 +344,7 @@ if find_spec("lapwing_bench"):
 
 def main():
     """Entry point: every way to end is one of `ExitCode`, and no traceback."""
-    _open_streams()
+    console.open_streams()
     # Nothing of this process is shown in a window, whatever a notebook or a matplotlibrc says.
     os.environ["MPLBACKEND"] = "agg"
     os.environ["MATPLOTLIBRC"] = os.path.join(os.path.dirname(__file__), "plots", "matplotlibrc")
@@ -354,12 +354,10 @@ def main():
             code = _called()
         except KeyboardInterrupt:
             code = exit_codes.of_signal(signals.heard())
-        except BrokenPipeError:
-            code = ExitCode.GOOD  # the reader has seen enough
         except (OSError, MemoryError) as error:
-            _last_words(exit_codes.words(error))
+            _complain(exit_codes.words(error))
             code = exit_codes.of_error(error)
-        code = _flushed(code)
+        code = console.flush_streams(code)
     signals.ignore()  # all is said and done; the interpreter's end is not to be torn
     sys.exit(code)
 
@@ -377,46 +375,3 @@ def _called():
             raise
         error.show()
         return error.exit_code
-
-
-def _open_streams():
-    """Have three open streams that take every character.
-
-    A closed one would be given to the next file that is opened, and what no encoding of the console
-    can show is written as an escape.
-    """
-    for number in range(3):
-        try:
-            os.fstat(number)
-        except OSError:
-            os.open(os.devnull, os.O_RDWR)
-    for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
-        with contextlib.suppress(AttributeError):  # replaced by something of a caller's
-            getattr(sys, name).reconfigure(errors="backslashreplace")
-
-
-def _flushed(code):
-    """Write out what is waiting, here rather than at the interpreter's end; the exit code."""
-    for stream in (sys.stdout, sys.stderr):
-        try:
-            stream.flush()
-        except BrokenPipeError:
-            _silence(stream)
-        except OSError as error:
-            _silence(stream)
-            _last_words(f"output: {error.strerror}")
-            code = max(code, ExitCode.SURROUNDINGS)
-    return code
-
-
-def _silence(stream):
-    """Let what is still waiting go nowhere."""
-    with contextlib.suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-
-
-def _last_words(text):
-    with contextlib.suppress(OSError, ValueError):
-        print(text, file=sys.stderr, flush=True)
