@@ -12,5 +12,6 @@ from lapwing.results.file import (
 )
 from lapwing.results.variables import CODES, DESCRIPTIONS, FAILED, VELOCITY, WHOLE, described
 
-__all__ = ["CODES", "DESCRIPTIONS", "FAILED", "VELOCITY", "WHOLE", "DamagedFile", "Results", "checksums",
-           "described", "engine_digest", "provenance", "read_results", "stored_studies", "verify", "write_results"]
+__all__ = ["CODES", "DESCRIPTIONS", "FAILED", "VELOCITY", "WHOLE", "DamagedFile", "Results",
+           "checksums", "described", "engine_digest", "provenance", "read_results",
+           "stored_studies", "verify", "write_results"]

@@ -33,8 +33,9 @@ def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te,
                   sweeps, criticals=None, te_source=None, interrupted=False):
     """Write the result file under a temporary name, flush it to the disk, and rename it.
 
-    A reader sees the old file or the new one, never a part.  The same arguments give the same variables and attributes, so no time of day is among them.
-    A signal waits until the file is whole.
+    A reader sees the old file or the new one, never a part.  The same arguments give the same
+    variables and attributes, so no time of day is among them.  A signal waits until the file is
+    whole.
 
     Parameters
     ----------
@@ -346,4 +347,5 @@ def stored_studies(path):
     return studies
 
 
-__all__ = ["DamagedFile", "Results", "engine_digest", "provenance", "read_results", "stored_studies", "verify", "write_results"]
+__all__ = ["DamagedFile", "Results", "engine_digest", "provenance", "read_results",
+           "stored_studies", "verify", "write_results"]

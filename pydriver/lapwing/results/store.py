@@ -7,8 +7,8 @@ perhaps files of the user's, which are never written, moved or removed. A run
 2. writes into a staging folder beside it (`Staging`);
 3. lists and flushes what it wrote, then exchanges the two folders in one step (`publish`).
 
-Whatever ends a run, the folder holds the files of the run before or those of the new one. The same
-serves a study of many files: each is staged and published alone (`publish_file`).
+Whatever ends a run, the folder holds the files of the run before or those of the new one. Single
+files are added to a folder one by one (`add_files`).
 
 Nothing here knows what the files mean.
 """
@@ -62,27 +62,6 @@ def flush(path: str | Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
-
-
-def publish_file(path: str | Path, content: bytes) -> None:
-    """Write one file aside, flush it, and let it take its name.
-
-    Raises
-    ------
-    OSError
-        where it cannot be written; an older file of this name is then still there.
-    """
-    path = Path(path)
-    aside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with open(aside, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(aside, path)
-        flush(path.parent)
-    finally:
-        aside.unlink(missing_ok=True)
 
 
 @dataclass
@@ -177,7 +156,7 @@ class FolderLock:
 
     def _take(self, folder: Path):
         while True:
-            file = open(self.path, "a+", encoding="utf-8")  # noqa: SIM115 - held until `release`
+            file = open(self.path, "a+", encoding="utf-8")  # held until `release`
             try:
                 _lock(file)
             except BlockingIOError:
@@ -455,5 +434,5 @@ def os_errors(folder: Path) -> Iterator[None]:
 
 
 __all__ = ["COMPLETE", "INCOMPLETE", "MANIFEST", "FolderLock", "LockedError", "Manifest",
-           "Staging", "StoreError", "add_files", "discard", "flush", "os_errors", "probe", "publish_file",
+           "Staging", "StoreError", "add_files", "discard", "flush", "os_errors", "probe",
            "recover", "sha256_of", "staging_of"]
