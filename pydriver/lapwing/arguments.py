@@ -14,6 +14,8 @@ from numbers import Integral, Real
 
 import numpy as np
 
+from lapwing.messages import cut
+
 # The engine counts in 32 bits.
 MAX_INT = 2**31 - 1
 # Parameters lie between these, or are zero: squares and the products of two of those stay far
@@ -33,7 +35,7 @@ def shown(value: object) -> str:
     except Exception:  # whatever a foreign object does when it is asked
         text = f"an object of type {type(value).__name__}"
     text = " ".join(text.split())
-    return text if len(text) <= SHOWN else f"{text[:SHOWN - 3]}..."
+    return cut(text, SHOWN)
 
 
 def wrong(name: str, value: object, expected: str) -> str:

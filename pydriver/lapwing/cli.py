@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import os
 import sys
@@ -77,15 +76,8 @@ def run(decks: Decks,
     from lapwing.threads import default_threads
 
     _refuse_equal_stems(decks)
-    loaded, code = _load(decks, setting)
-    for deck in loaded:
-        with _telling(deck) as progress:
-            ended = _run(deck, out, threads or default_threads(), force, progress)
-        code = max(code, ended)
-        if signals.heard() is not None or ended >= ExitCode.STOPPED:
-            code = max(code, exit_codes.of_signal(signals.heard()))
-            break
-    raise typer.Exit(code)
+    raise typer.Exit(_each(decks, setting, lambda deck, progress: _run(
+        deck, out, threads or default_threads(), force, progress)))
 
 
 @app.command()
@@ -102,15 +94,8 @@ def critical(decks: Decks,
     """  # noqa: D301
     from lapwing.threads import default_threads
 
-    loaded, code = _load(decks, setting)
-    for deck in loaded:
-        with _telling(deck) as progress:
-            found, ended = _critical(deck, threads or default_threads(), progress)
-        print(found, end="")
-        code = max(code, ended)
-        if ended >= ExitCode.STOPPED:
-            break
-    raise typer.Exit(code)
+    raise typer.Exit(_each(decks, setting, lambda deck, progress: _critical(
+        deck, threads or default_threads(), progress)))
 
 
 @app.command()
@@ -189,10 +174,7 @@ def plot(files: Annotated[list[Path], typer.Argument(metavar="RESULT.nc...", hel
             _complain(f"{file}: {error}")
             code = max(code, BAD_INPUT)
         except (OSError, MemoryError, RuntimeError) as error:
-            if not exit_codes.is_of_surroundings(error):
-                raise
-            _complain(exit_codes.words(error, file))
-            code = max(code, exit_codes.of_error(error))
+            code = max(code, _refused(error, path=file))
     raise typer.Exit(code)
 
 
@@ -255,6 +237,25 @@ def _load(paths, settings):
     return loaded, code
 
 
+def _each(decks, settings, carry_out):
+    """Carry out one deck after the other until a signal; the worst exit code."""
+    loaded, code = _load(decks, settings)
+    for deck in loaded:
+        ended = carry_out(deck, _telling(deck))
+        code = max(code, ended)
+        if signals.heard() is not None or ended >= ExitCode.STOPPED:
+            return max(code, exit_codes.of_signal(signals.heard()))
+    return code
+
+
+def _refused(error, prefix="", path=None):
+    """Say in one line what the surroundings refuse; the exit code. Other errors go on."""
+    if not exit_codes.is_of_surroundings(error):
+        raise error
+    _complain(prefix + exit_codes.words(error, path))
+    return exit_codes.of_error(error)
+
+
 def _run(deck, out, threads, force, progress):
     """Run one deck and report; returns its exit code."""
     from lapwing.results.store import StoreError
@@ -266,13 +267,12 @@ def _run(deck, out, threads, force, progress):
         _complain(str(error))
         return BAD_INPUT
     except (OSError, MemoryError, RuntimeError) as error:
-        if not exit_codes.is_of_surroundings(error):
-            raise
-        _complain(f"{deck.title}: {exit_codes.words(error, out)}")
-        return exit_codes.of_error(error)
+        return _refused(error, f"{deck.title}: ", out)
     except KeyboardInterrupt:
         _complain(f"{deck.title}: stopped; nothing was finished")
         return exit_codes.of_signal(signals.heard())
+    finally:
+        progress.close()
     for note in outcome.notes:
         _complain(note)
     if outcome.reused:
@@ -293,31 +293,29 @@ def _run(deck, out, threads, force, progress):
 
 
 def _critical(deck, threads, progress):
-    """Search the critical values of one deck; what is to be printed, and the exit code."""
+    """Search and print the critical values of one deck; returns its exit code."""
     from lapwing.report.critical import critical_text
     from lapwing.studies.critical_of_deck import critical_study
 
     if not deck.criticals:
         _complain(f"{deck.path}: no &critical in this deck")
-        return "", BAD_INPUT
+        return BAD_INPUT
     try:
         found = [critical_study(deck, study, threads,
                                 progress.study(f"critical {study.name}", 100, "%"))
                  .assign_attrs(name=study.name) for study in deck.criticals]
     except KeyboardInterrupt:
         _complain(f"{deck.title}: stopped; nothing was finished")
-        return "", exit_codes.of_signal(signals.heard())
+        return exit_codes.of_signal(signals.heard())
     except (OSError, MemoryError, RuntimeError) as error:
-        if not exit_codes.is_of_surroundings(error):
-            raise
-        _complain(f"{deck.title}: {exit_codes.words(error)}")
-        return "", exit_codes.of_error(error)
+        return _refused(error, f"{deck.title}: ")
+    finally:
+        progress.close()
+    print(f"# {deck.title}\n\n" + "\n".join(critical_text(found)))
     failed = any("trial_failed" in one and int(one["trial_failed"].sum()) for one in found)
-    return f"# {deck.title}\n\n" + "\n".join(critical_text(found)) + "\n", (
-        FAILED if failed else OK)
+    return FAILED if failed else OK
 
 
-@contextlib.contextmanager
 def _telling(deck):
     """What tells how far a deck is: bars on a terminal, else a line at once and one a minute."""
     from lapwing.progress import Bars, Lines
@@ -325,10 +323,7 @@ def _telling(deck):
     progress = Bars() if sys.stderr.isatty() else Lines(deck.title, sys.stderr)
     if isinstance(progress, Lines):
         progress.say(f"started; {_studies(deck)}")
-    try:
-        yield progress
-    finally:
-        progress.close()
+    return progress
 
 
 def _complain(text):

@@ -16,6 +16,11 @@ def cut(text: str, length: int = 40) -> str:
     return text if len(text) <= length else text[:length - 3] + "..."
 
 
+def printable(text: str) -> str:
+    """A file name as text: what is no UTF-8 in it is written as an escape."""
+    return text.encode("utf-8", "backslashreplace").decode()
+
+
 def cut_words(text: str) -> str:
     """A message whose long words, and itself, are cut."""
     text = re.sub(rf"\S{{{_LONGEST_WORD + 1},}}", lambda m: cut(m[0], _LONGEST_WORD), text)

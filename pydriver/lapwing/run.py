@@ -14,6 +14,7 @@ from lapwing import __version__
 from lapwing.deck import DeckError, changed_keys, load_deck, used_hash, used_text
 from lapwing.deck.schema import SPEEDS
 from lapwing.deck.used import stored_hash
+from lapwing.messages import printable
 from lapwing.results.store import (
     COMPLETE,
     INCOMPLETE,
@@ -143,7 +144,7 @@ def folder_of(stem, parent):
         str(folder.absolute()).encode()
     except UnicodeEncodeError:
         raise FolderError("netCDF files have names in UTF-8, which "
-                          f"{str(folder).encode('utf-8', 'backslashreplace').decode()} is not; "
+                          f"{printable(str(folder))} is not; "
                           "rename the deck or take another --out") from None
     return folder.resolve() if folder.is_symlink() else folder
 
@@ -180,13 +181,19 @@ def _stored_inputs(result):
 
 def _figure_names(result):
     """Names of the figures that belong to a result file, as far as it can be read."""
-    from lapwing.plots import FORMATS, tasks_of
     from lapwing.results import read_results
 
     with contextlib.suppress(OSError, ValueError, RuntimeError, KeyError), \
             read_results(result) as results:
-        return tuple(f"{task.stem}.{suffix}" for task in tasks_of(results) for suffix in FORMATS)
+        return _figures_of(results)
     return ()
+
+
+def _figures_of(results):
+    """Names of the figures of an open result file."""
+    from lapwing.plots import FORMATS, tasks_of
+
+    return tuple(f"{task.stem}.{suffix}" for task in tasks_of(results) for suffix in FORMATS)
 
 
 def _refuse_others(deck, folder, there, force):
@@ -216,7 +223,8 @@ class _Run:
         self.report = progress.study if progress else (lambda *_: (lambda _: None))
         self.inputs, self.notes = used_hash(deck), []
         self.aside = folder.with_name(folder.name + INTERRUPTED)
-        self.whole = None  # a verified result file that lacks nothing, where there is one
+        # A verified result file that lacks nothing, and its checksums, where there is one.
+        self.whole = None
 
     def carry_out(self, force):
         """Reuse, draw again, or compute; the `Outcome`."""
@@ -253,18 +261,18 @@ class _Run:
         from lapwing.results import engine_digest, read_results, stored_studies
         from lapwing.studies.of_deck import is_finished
 
-        manifest = Manifest.read(folder)
-        if manifest is None or RESULT_FILE not in manifest.files or manifest.wrong_with(
-                folder / RESULT_FILE) or manifest.inputs != self.inputs:
+        manifest, path = Manifest.read(folder), folder / RESULT_FILE
+        if manifest is None or RESULT_FILE not in manifest.files \
+                or manifest.inputs != self.inputs or manifest.wrong_with(path):
             return {}
         if (manifest.program, manifest.engine) != (__version__, engine_digest()):
             self.notes.append(f"{folder}: of another build of the engine: computed again")
             return {}
-        known = {key: study for key, study in stored_studies(folder / RESULT_FILE).items()
-                 if is_finished(study)}
-        with read_results(folder / RESULT_FILE, check=False) as results:
+        with read_results(path, check=False) as results:
+            known = {key: study for key, study in stored_studies(results).items()
+                     if is_finished(study)}
             if not results.interrupted:
-                self.whole = folder / RESULT_FILE
+                self.whole = path, manifest.variables
                 return known
         self.notes.append(f"{folder}: {len(known)} finished "
                           f"{'study' if len(known) == 1 else 'studies'} taken over")
@@ -317,12 +325,12 @@ class _Run:
     def _write(self, found, folder):
         """Result file, summary and the deck as used; returns the checksums of the variables."""
         from lapwing.report.summary import summary_text
-        from lapwing.results import checksums, read_results, write_results
+        from lapwing.results import read_results, write_results
 
         text = used_text(self.deck, self.folder)
         if self.whole is not None:
-            shutil.copyfile(self.whole, folder / RESULT_FILE)
-            variables = checksums(folder / RESULT_FILE)
+            path, variables = self.whole
+            shutil.copyfile(path, folder / RESULT_FILE)
         else:
             variables = write_results(
                 folder / RESULT_FILE, deck_name=self.deck.title, deck_text=self.deck.text,
@@ -419,7 +427,7 @@ def plot_file(path, folder=None, threads=1):
                 except FigureError as error:
                     failures = error.failures
             names = sorted(one.name for one in aside.iterdir())
-            own = _figure_names(path) if folder.resolve() == path.parent.resolve() else ()
+            own = _figures_of(results) if folder.resolve() == path.parent.resolve() else ()
             taken = add_files(folder, aside, own)
         finally:
             shutil.rmtree(aside, ignore_errors=True)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from lapwing.gear_pair import GearPair
+from lapwing.messages import printable
 
 
 @dataclass(frozen=True)
@@ -158,7 +159,7 @@ class Deck:
     @property
     def title(self):
         """The stem as text: what is no UTF-8 in it is written as an escape."""
-        return self.stem.encode("utf-8", "backslashreplace").decode()
+        return printable(self.stem)
 
     @cached_property
     def te(self):

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from lapwing.deck import schema
 from lapwing.deck.critical_checks import canonical_values, used_values
+from lapwing.messages import cut, printable
 
 _HASH = re.compile(r"^! hash ([0-9a-f]{64})$", re.MULTILINE)
 
@@ -30,7 +31,7 @@ def used_text(deck, folder=None):
     """
     from lapwing import __version__
 
-    lines = [f"! Every value used by {_text(deck.path.name)}; those it does not give are marked "
+    lines = [f"! Every value used by {printable(deck.path.name)}; those it does not give are marked "
              "default.",
              f"! lapwing {__version__}", f"! hash {used_hash(deck)}",
              f"! transmission error {deck.te_table.digest}"]
@@ -41,11 +42,6 @@ def used_text(deck, folder=None):
             lines += _line(deck, group, keys, name, field, values.get(name), folder)
         lines.append("/")
     return "\n".join(lines) + "\n"
-
-
-def _text(name):
-    """A file name as text: what is no UTF-8 in it is written as an escape."""
-    return name.encode("utf-8", "backslashreplace").decode()
 
 
 def used_hash(deck):
@@ -175,5 +171,4 @@ def _plain(value, kind):
 
 
 def _brief(value):
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return cut(repr(value), 60)

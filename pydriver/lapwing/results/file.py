@@ -319,10 +319,11 @@ def read_results(path, check=True):
                        names["response"], names["sweep"], names["critical"], verified)
 
 
-def stored_studies(path):
-    """The studies of a result file as they were given to `write_results`, to be written again.
+def stored_studies(results):
+    """The studies of an open result file as they were given to `write_results`.
 
-    Unlike what `read_results` hands out they are not decoded: whole numbers stay whole.
+    To be written again: unlike what `Results` hands out they are not decoded, whole numbers stay
+    whole.
 
     Returns
     -------
@@ -330,20 +331,18 @@ def stored_studies(path):
     """
     import xarray as xr
 
-    with read_results(path) as results:
-        names = [(kind, name) for kind, found in zip(
-            KINDS, (results.responses, results.criticals, results.sweeps), strict=True)
-            for name in found]
     studies = {}
-    for kind, name in names:
-        with xr.open_dataset(path, group=f"{kind}_{name}", engine="netcdf4", decode_cf=False,
-                             mask_and_scale=False) as data:
-            data = data.load()
-        for variable in data.variables.values():
-            variable.attrs.pop("_FillValue", None)
-            variable.encoding.clear()
-        data.encoding.clear()
-        studies[kind, name] = data
+    for kind, names in zip(KINDS, (results.responses, results.criticals, results.sweeps),
+                           strict=True):
+        for name in names:
+            with xr.open_dataset(results.path, group=f"{kind}_{name}", engine="netcdf4",
+                                 decode_cf=False, mask_and_scale=False) as data:
+                data = data.load()
+            for variable in data.variables.values():
+                variable.attrs.pop("_FillValue", None)
+                variable.encoding.clear()
+            data.encoding.clear()
+            studies[kind, name] = data
     return studies
 
 
