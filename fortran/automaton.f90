@@ -11,7 +11,7 @@ module lapwing_automaton
   use lapwing_event_search, only: crossing_t, find_crossing, polish_crossing, work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_polynomial, only: max_degree, first_descent
-  use lapwing_rk4, only: forgive_rounding, rk4_step, rk4_move
+  use lapwing_rk4, only: ratio_in_contact, rk4_step, rk4_move
   use lapwing_step_control, only: step_memory_t, step_to_try, error_ratio, after_accepted, &
       after_rejected
   use lapwing_system, only: system_t, frame_t, reached_t, max_states
@@ -295,10 +295,10 @@ contains
       do
         call rk4_step(system, segment%frame, segment%motion_state, h, z, segment%motion, &
             z_end, error)
-        ratio = error_ratio(error(1:n), scale(1:n), numerics%tolerance)
-        if (ratio > 1 .and. segment%motion_state /= separation) then
-          call forgive_rounding(h, z(1:n), error(1:n))
+        if (segment%motion_state == separation) then
           ratio = error_ratio(error(1:n), scale(1:n), numerics%tolerance)
+        else
+          ratio = ratio_in_contact(h, z(1:n), error(1:n), scale(1:n), numerics%tolerance)
         end if
         if (ratio <= 1) exit
         work%rejected = work%rejected + 1

@@ -10,9 +10,9 @@ module lapwing_plain_contact
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_flank_frames, only: open_in_contact
   use lapwing_oscillator, only: oscillator_t, drive_over_step
-  use lapwing_rk4, only: read_step, forgive_rounding
+  use lapwing_rk4, only: read_step, ratio_in_contact
   use lapwing_spring_stages, only: spring_stages
-  use lapwing_step_control, only: step_to_try, error_ratio, after_accepted
+  use lapwing_step_control, only: step_to_try, after_accepted
   use lapwing_system, only: instant_t, frame_t, motion_t, step_t
   implicit none
   private
@@ -90,9 +90,6 @@ contains
       call read_step(step, h, y(i), i, motion%dense(:, i), error(i))
     end do
     landed = step%end(1:2) - landing
-    ratio = error_ratio(error, [self%angle_scale, self%angle_scale], tolerance)
-    if (.not. ratio > 1) return
-    call forgive_rounding(h, y, error)
-    ratio = error_ratio(error, [self%angle_scale, self%angle_scale], tolerance)
+    ratio = ratio_in_contact(h, y, error, [self%angle_scale, self%angle_scale], tolerance)
   end subroutine try_step
 end module lapwing_plain_contact

@@ -8,10 +8,11 @@
 !> that. Figures against other fourth-order formulas: docs/method.md.
 module lapwing_rk4
   use lapwing_kinds, only: wp
+  use lapwing_step_control, only: error_ratio
   use lapwing_system, only: system_t, frame_t, motion_t, step_t, max_states
   implicit none
   private
-  public :: forgive_rounding, rk4_step, rk4_move, read_step
+  public :: ratio_in_contact, rk4_step, rk4_move, read_step
 
   !> An estimate below the rounding of its own sum says nothing: in a flight, where the formula is
   !> exact, it would otherwise shorten the steps.
@@ -56,16 +57,20 @@ contains
     if (error <= rounding*(abs(slope) + abs(slope_end)) + epsilon(error)*abs(begin)) error = 0
   end subroutine read_step
 
-  !> Leave out what is rounding of the rates: of terms of the coordinates' size that cancel, as in a
-  !> tooth that creeps to rest. In contact, where time has the spring's unit and position and
-  !> velocity share another. Asked only of a step that would be refused: where errors of such a size
-  !> are allowed, nothing changes.
-  pure subroutine forgive_rounding(h, z, error)
+  !> Largest estimated error of a step in contact in units of the tolerance. Where that would refuse
+  !> the step, what is rounding of the rates is left out: of terms of the coordinates' size that
+  !> cancel, as in a tooth that creeps to rest. In contact time has the spring's unit, and position
+  !> and velocity share another.
+  pure real(wp) function ratio_in_contact(h, z, error, scale, tolerance) result(ratio)
     real(wp), intent(in) :: h                     !! step
     real(wp), intent(in) :: z(:)                  !! coordinates at its beginning
-    real(wp), intent(inout) :: error(:)           !! estimated error of each
-    where (error <= rounding*h*maxval(abs(z))) error = 0
-  end subroutine forgive_rounding
+    real(wp), intent(in) :: error(:)              !! estimated error of each
+    real(wp), intent(in) :: scale(:)              !! natural size of each
+    real(wp), intent(in) :: tolerance             !! relative tolerance of the run
+    ratio = error_ratio(error, scale, tolerance)
+    if (.not. ratio > 1) return
+    ratio = error_ratio(merge(0.0_wp, error, error <= rounding*h*maxval(abs(z))), scale, tolerance)
+  end function ratio_in_contact
 
   !> Where a step of length h ends, and nothing else.
   subroutine rk4_move(system, frame, motion_state, h, z, z_end)
