@@ -211,7 +211,7 @@ contains
           series, n_threads + 1)) error = 1
     end if
     if (error /= 0) then
-      outcome(1, :) = status_out_of_memory
+      where (outcome(1, :) == status_unfinished) outcome(1, :) = status_out_of_memory
       lines(5, :) = stage_done
       return
     end if

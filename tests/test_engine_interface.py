@@ -224,3 +224,19 @@ def test_without_a_word_all_allowed_processors_and_no_more(monkeypatch):
     allowed = (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity")
                else os.cpu_count())
     assert 1 <= default_threads() <= allowed
+
+
+def test_points_that_are_finished_stay_so_where_memory_ends(monkeypatch):
+    """A sweep is many calls: what one of them has no room for takes nothing from those before."""
+    def sweep(*arguments):
+        reals, outcome = arguments[4], arguments[-1]
+        reals[1] = 1e-12  # so slow a mesh has more panels than any machine has room for
+        outcome[0, 0] = Status.OK
+        return api.sweep(*arguments)
+
+    monkeypatch.setattr(engine, "api", type("Api", (), {"sweep": staticmethod(sweep)}))
+    result = engine.sweep(
+        [scene_a(5.0), scene_a(6.0)], [(0, 0, False), (1, 1, False)],
+        [(engine.REST, 0, 0, 0.0)] * 2, numerics=engine.Numerics(), wanted=engine.Wanted(),
+        settle=0, record=1, log_room=1, threads=1)
+    assert result.outcome[:, 0].tolist() == [Status.OK, Status.OUT_OF_MEMORY]

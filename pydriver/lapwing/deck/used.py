@@ -31,8 +31,8 @@ def used_text(deck, folder=None):
     """
     from lapwing import __version__
 
-    lines = [f"! Every value used by {printable(deck.path.name)}; those it does not give are marked "
-             "default.",
+    name = printable(deck.path.name)
+    lines = [f"! Every value used by {name}; those it does not give are marked default.",
              f"! lapwing {__version__}", f"! hash {used_hash(deck)}",
              f"! transmission error {deck.te_table.digest}"]
     lines += [f"! --set {name}={value}" for name, value in deck.overrides]
