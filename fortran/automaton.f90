@@ -245,6 +245,10 @@ contains
     segment%length = reached%s
     state%instant%chart = reached%chart
     state%instant%y = reached%y
+    if (reached%flank == no_flank .and. reached%s < segment%frame%stop) then
+      call move_time(state, segment)
+      return
+    end if
     if (reached%flank == no_flank .or. at_stop(segment%frame, reached%s)) then
       segment%length = segment%frame%stop
       call pass_stop(system, state, segment)

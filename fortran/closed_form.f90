@@ -8,23 +8,33 @@
 !> The mesh period is cut into panels, short enough that Taylor series about their middles are exact
 !> to rounding. Bernstein coefficients of the first six terms, less a bound of what these leave out,
 !> are a rigorous bound of the function.
+!>
+!> Where the mesh is so slow against the spring or the damper that this would take too many panels,
+!> the scene is *graded*: panels are short against the flank's motion alone, a table's pieces are
+!> one panel each but for a few, and q is the response that moves with its piece alone
+!> (`lapwing_piece_response`). A contact then ends at each knot, and what is fast is in d, which
+!> `lapwing_slow_contact` follows as long as it lasts.
 module lapwing_closed_form
   use lapwing_kinds, only: wp
   use lapwing_damped, only: damped_t, damped, free_matrix, n_taylor
   use lapwing_harmonic_series, only: harmonic_series_t, steady_response, expand_series, &
       series_at, bound_derivative, fastest_rate
   use lapwing_polynomial, only: max_degree, horner, horner_slope, taylor_shift, bernstein_on
+  use lapwing_piece_response, only: forced_taylor, fixed_point, sixth_of, has_slow_response, &
+      slow_response
   use lapwing_transmission_error, only: te_table_t
   implicit none
   private
   public :: closed_form_t, panel_t, closed_form, locate_panel, free_size, bound_order
-  public :: launch_order, reach
+  public :: launch_order, reach, ordinary_panels, most_panels
 
   !> A panel lasts at most this over the fastest rate: the first term that a series of order 15
   !> about its middle leaves out, (rate*half)**16/16!, is a quarter of a rounding, and what the
   !> first six terms leave out of a free oscillation of size E at most (0.66)**6/720 E = 1.1e-4 E.
   real(wp), parameter :: panel_span = &
       2*(0.25_wp*epsilon(1.0_wp)*20922789888000.0_wp)**(1.0_wp/16)
+  !> Panels of a scene that is not graded; they take some 70 MB.
+  integer, parameter :: most_panels = 100000
   !> A Taylor series of order n is exact to rounding where rate*s is below its reach: the first term
   !> left out, (rate*s)**(n + 1)/(n + 1)!, against the second one, (rate*s)**2/2.
   integer, parameter :: launch_order = 13   !! highest order of a series about a launch
@@ -54,6 +64,7 @@ module lapwing_closed_form
 
   type :: closed_form_t
     logical :: harmonic = .false.                  !! g is a series, not a table
+    logical :: graded = .false.                    !! panels are short against the flank alone
     type(harmonic_series_t) :: g, q                !! with a series: flank, response
     type(damped_t) :: damping                      !! damping in contact
     real(wp) :: free_bound = 0                     !! |d^(6)|/6! <= free_bound*E
@@ -75,12 +86,13 @@ module lapwing_closed_form
 contains
 
   !> Everything for one table or series and one damping ratio.
-  pure function closed_form(table, series, harmonic, xi, period) result(self)
+  pure function closed_form(table, series, harmonic, xi, period, most) result(self)
     type(te_table_t), intent(in) :: table           !! g as a table
     type(harmonic_series_t), intent(in) :: series   !! g as a series
     logical, intent(in) :: harmonic                 !! which of the two
     real(wp), intent(in) :: xi                      !! damping ratio
     real(wp), intent(in) :: period                  !! mesh period
+    integer, intent(in) :: most                     !! panels, before the scene is graded
     type(closed_form_t) :: self
     integer :: i
     self%harmonic = harmonic
@@ -97,13 +109,16 @@ contains
       self%g_bound = bound_derivative(self%g, bound_order)
       self%q_bound = bound_derivative(self%q, bound_order)
     end if
+    self%graded = ordinary_panels(period, self%fastest, merge(0, table%n, harmonic)) > most
     call cut_panels(self, table)
     if (harmonic) then
       call sample_series(self)
+    else if (self%graded) then
+      call solve_pieces(self, table)
     else
       call solve_table(self, table)
     end if
-    call bound_free_part(self)
+    if (.not. self%graded) call bound_free_part(self)
     if (.not. harmonic) call bound_table_response(self)
     self%q_low = huge(1.0_wp)
     self%q_high = -huge(1.0_wp)
@@ -113,17 +128,29 @@ contains
     end do
   end function closed_form
 
+  !> Panels that are short against all rates of a scene, at most.
+  pure real(wp) function ordinary_panels(period, rate, pieces)
+    real(wp), intent(in) :: period                  !! mesh period
+    real(wp), intent(in) :: rate                    !! fastest rate
+    integer, intent(in) :: pieces                   !! of a table; 0 with a series
+    ordinary_panels = period*rate/panel_span + pieces
+  end function ordinary_panels
+
   !> Panels within table pieces, or even ones.
   pure subroutine cut_panels(self, table)
     type(closed_form_t), intent(inout) :: self      !! limits are set
     type(te_table_t), intent(in) :: table           !! g as a table
     integer :: parts, i, k, at
-    real(wp) :: width
+    real(wp) :: width, rate
     self%n = 0
-    do i = 1, table%n
-      self%n = self%n + parts_of(self, table, i)
-    end do
-    if (self%harmonic) self%n = max(4, ceiling(self%period*self%fastest/panel_span))
+    if (self%harmonic) then
+      rate = merge(self%fastest_in_flight, self%fastest, self%graded)
+      self%n = max(4, ceiling(self%period*rate/panel_span))
+    else
+      do i = 1, table%n
+        self%n = self%n + parts_of(self, table, i)
+      end do
+    end if
     allocate (self%edge(self%n + 1), self%piece(self%n))
     self%piece = 1
     if (self%harmonic) then
@@ -154,7 +181,13 @@ contains
     type(closed_form_t), intent(in) :: self         !! its fastest rate
     type(te_table_t), intent(in) :: table           !! g as a table
     integer, intent(in) :: i                        !! piece
-    parts_of = max(1, ceiling((table%knot(i + 1) - table%knot(i))*self%fastest/panel_span))
+    real(wp) :: width
+    width = table%knot(i + 1) - table%knot(i)
+    parts_of = 1
+    if (self%graded) then
+      if (has_slow_response(self%damping, width, panel_span)) return
+    end if
+    parts_of = max(1, ceiling(width*self%fastest/panel_span))
   end function parts_of
 
   !> For each cell of an even grid the panel at its beginning.
@@ -259,22 +292,35 @@ contains
     end do
   end subroutine solve_table
 
-  !> Taylor series about x after a piece's beginning of the response that is at rest there.
-  pure function forced_taylor(xi, table, piece, x) result(c)
-    real(wp), intent(in) :: xi                 !! damping ratio
-    type(te_table_t), intent(in) :: table      !! g as a table
-    integer, intent(in) :: piece               !! piece
-    real(wp), intent(in) :: x                  !! origin
-    real(wp) :: c(0:n_taylor), g(0:max_degree)
-    integer :: k
-    g = table%coefficient(:, piece)
-    call taylor_shift(g, x)
-    c = 0
-    do k = 2, n_taylor
-      c(k) = -(2*xi*(k - 1)*c(k - 1) + c(k - 2))/real(k*(k - 1), wp)
-      if (k <= max_degree) c(k) = c(k) - g(k)
+  !> q of each piece of a table by itself, in a graded scene. On the few panels of a short piece it
+  !> begins at rest.
+  pure subroutine solve_pieces(self, table)
+    type(closed_form_t), intent(inout) :: self      !! q on the panels is set
+    type(te_table_t), intent(in) :: table           !! g as a table
+    real(wp) :: state(2), middle(2), x
+    integer :: i
+    state = 0
+    do i = 1, self%n
+      associate (panel => self%panel(i))
+        x = panel%middle - table%knot(self%piece(i))
+        if (i > 1) then
+          if (self%piece(i) /= self%piece(i - 1)) state = 0
+        end if
+        if (has_slow_response(self%damping, table%knot(self%piece(i) + 1) &
+            - table%knot(self%piece(i)), panel_span)) then
+          panel%q = slow_response(self%damping, table, self%piece(i), x, panel%half, panel_span)
+          panel%q_begin = [horner(panel%q, -panel%half), horner_slope(panel%q, -panel%half)]
+          panel%q_end = [horner(panel%q, panel%half), horner_slope(panel%q, panel%half)]
+        else
+          panel%q = forced_taylor(self%damping%xi, table, self%piece(i), x)
+          panel%q_begin = state
+          call over_panel(self, i, panel%q_begin, middle, state)
+          panel%q_end = state
+          panel%q = panel%q + matmul(self%damping%unit, middle)
+        end if
+      end associate
     end do
-  end function forced_taylor
+  end subroutine solve_pieces
 
   !> Response (x, x') at the end of a panel from that at its beginning, and its free part in the
   !> middle.
@@ -300,21 +346,6 @@ contains
     jump_after = 0
     if (self%piece(i + 1) /= self%piece(i)) jump_after = table%slope_jump(self%piece(i + 1))
   end function jump_after
-
-  !> The state that comes back after a period: (1 - matrix) x = state. Where nothing drives it, 0.
-  pure function fixed_point(matrix, state) result(x)
-    real(wp), intent(in) :: matrix(2, 2)       !! free motion over the period
-    real(wp), intent(in) :: state(2)           !! where zero comes to
-    real(wp) :: x(2), m(2, 2), determinant
-    x = 0
-    if (all(state == 0)) return
-    m = -matrix
-    m(1, 1) = m(1, 1) + 1
-    m(2, 2) = m(2, 2) + 1
-    determinant = m(1, 1)*m(2, 2) - m(1, 2)*m(2, 1)
-    x(1) = (m(2, 2)*state(1) - m(1, 2)*state(2))/determinant
-    x(2) = (m(1, 1)*state(2) - m(2, 1)*state(1))/determinant
-  end function fixed_point
 
   !> Bernstein coefficients of a free oscillation on each panel, for unit d and unit d'.
   pure subroutine bound_free_part(self)
@@ -346,20 +377,6 @@ contains
       end associate
     end do
   end subroutine bound_table_response
-
-  !> Bound of the sixth derivative over 6! of a polynomial on [-half, half].
-  pure real(wp) function sixth_of(c, half)
-    real(wp), intent(in) :: c(0:n_taylor)      !! coefficients
-    real(wp), intent(in) :: half               !! half the interval
-    real(wp) :: choose
-    integer :: k
-    sixth_of = 0
-    choose = 1
-    do k = bound_order, n_taylor
-      sixth_of = sixth_of + choose*abs(c(k))*half**(k - bound_order)
-      choose = choose*(k + 1)/real(k + 1 - bound_order, wp)
-    end do
-  end function sixth_of
 
   !> Reach of a series of an odd order from five on.
   pure real(wp) function reach(n)

@@ -9,7 +9,7 @@ module lapwing_damped
   implicit none
   private
   public :: damped_t, damped, free_motion, free_matrix, near_matrix, turn_undamped
-  public :: taylor_row, n_taylor
+  public :: taylor_row, n_taylor, free_modes, lasting_t, lasting
 
   integer, parameter :: n_taylor = 15   !! derivatives tabulated by `taylor_row`
 
@@ -18,9 +18,21 @@ module lapwing_damped
     real(wp) :: xi = 0                     !! damping ratio, not negative
     real(wp) :: square = 1                 !! 1 - xi**2
     real(wp) :: w = 1                      !! root of its magnitude
+    logical :: apart = .false.             !! overdamped, by so much that its two rates are apart
+    real(wp) :: fast_rate = 1              !! of overdamped decay; else both are those of the
+    real(wp) :: slow_rate = 1              !! oscillation, 1
     real(wp) :: row(2, 0:n_taylor) = 0     !! x^(k)/k! = row(1,k) x + row(2,k) x'
     real(wp) :: unit(0:n_taylor, 2) = 0    !! its columns: x of unit x, of unit x'
   end type damped_t
+
+  !> What is left of a free oscillation: bounds that hold from a time on.
+  type :: lasting_t
+    real(wp) :: x = 0, v = 0               !! of |x| and |x'|
+    real(wp) :: sixth = 0                  !! of |x^(6)|/6!
+  end type lasting_t
+
+  !> From here on the two rates of decay differ by a third or more.
+  real(wp), parameter :: least_apart = 1.05_wp
 
 contains
 
@@ -30,6 +42,11 @@ contains
     self%xi = xi
     self%square = (1 - xi)*(1 + xi)
     self%w = sqrt(abs(self%square))
+    self%apart = xi >= least_apart
+    if (xi > 1) then
+      self%fast_rate = xi + self%w
+      self%slow_rate = 1/self%fast_rate
+    end if
     self%row = taylor_row(xi)
     self%unit = transpose(self%row)
   end function damped
@@ -87,6 +104,38 @@ contains
       if (abs(term) < epsilon(x)*0.25_wp) exit
     end do
   end subroutine series
+
+  !> Where the two rates are apart: x = slow + fast, x' = -slow_rate*slow - fast_rate*fast, which
+  !> keeps the digits of x' after the fast part has gone.
+  pure subroutine free_modes(self, begin, s, slow, fast)
+    type(damped_t), intent(in) :: self   !! damping
+    real(wp), intent(in) :: begin(2)     !! x, x' at s = 0
+    real(wp), intent(in) :: s            !! time, not negative
+    real(wp), intent(out) :: slow, fast  !! the two parts
+    slow = (begin(2) + self%fast_rate*begin(1))/(2*self%w)*exp(-self%slow_rate*s)
+    fast = -(begin(2) + self%slow_rate*begin(1))/(2*self%w)*exp(-self%fast_rate*s)
+  end subroutine free_modes
+
+  !> Bounds of a free oscillation from a time on: of (x, x') then, which never grows, or of its two
+  !> parts.
+  pure function lasting(self, begin, s) result(left)
+    type(damped_t), intent(in) :: self   !! damping
+    real(wp), intent(in) :: begin(2)     !! x, x' at s = 0
+    real(wp), intent(in) :: s            !! time, not negative
+    type(lasting_t) :: left
+    real(wp) :: d, e, size, slow, fast
+    if (self%apart) then
+      call free_modes(self, begin, s, slow, fast)
+      left%x = abs(slow) + abs(fast)
+      left%v = self%slow_rate*abs(slow) + self%fast_rate*abs(fast)
+      left%sixth = (self%slow_rate**6*abs(slow) + self%fast_rate**6*abs(fast))/720
+    else
+      call free_motion(self, s, d, e)
+      size = hypot(d*begin(1) + e*(begin(2) + self%xi*begin(1)), &
+          d*begin(2) - e*(begin(1) + self%xi*begin(2)))
+      left = lasting_t(size, size, norm2(self%row(:, 6))*size)
+    end if
+  end function lasting
 
   !> Matrix that moves (x, x') over a time s.
   pure function free_matrix(self, s) result(matrix)

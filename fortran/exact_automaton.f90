@@ -30,6 +30,7 @@ contains
     done = .false.
     if (self%rigid .or. (self%n_flanks == 2 .and. .not. self%coast_moves)) return
     associate (instant => state%instant)
+      if (self%scene%form%graded .and. instant%motion_state /= separation) return
       if (.not. begins_plainly(self, instant%motion_state, instant%touching, instant%chart, &
           instant%y)) return
       segment%motion_state = instant%motion_state

@@ -11,6 +11,7 @@ module lapwing_exact_contact
   use lapwing_first_meeting, only: target_t, first_meeting, quick_return, only_zero
   use lapwing_panel_series, only: free_in_middle, contact_series
   use lapwing_polynomial, only: max_degree, horner, horner_slope, bernstein_on, least
+  use lapwing_slow_contact, only: slow_meeting
   use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_launch, expand_fully, curve_at, &
       free_state, rest_after
   implicit none
@@ -22,7 +23,7 @@ module lapwing_exact_contact
 
 contains
 
-  !> End of a contact: release, or the stop.
+  !> End of a contact: release, or the stop; in a graded scene it may end before, of nothing.
   pure subroutine contact_end(scene, curve, flank, touching, stop, at)
     type(scene_t), intent(in) :: scene         !! scene
     type(curve_t), intent(inout) :: curve      !! stretch; told from a later knot where that is near
@@ -40,6 +41,10 @@ contains
     elapsed = 0
     last = stop
     found = .false.
+    if (scene%form%graded) then
+      call graded_contact_end(scene, curve, goal, flank, stop, at)
+      return
+    end if
     if (.not. stays(scene, curve%moving, goal%sign, curve%free)) then
       if (touching) then
         call expand_launch(scene, curve)
@@ -64,6 +69,32 @@ contains
       call curve_at(scene, curve, panel, last, at%x, at%v)
     end if
   end subroutine contact_end
+
+  !> The same in a graded scene. A table's contact stops at the next knot, and no bound of q holds
+  !> for longer.
+  pure subroutine graded_contact_end(scene, curve, goal, flank, stop, at)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(inout) :: curve      !! stretch
+    type(target_t), intent(in) :: goal         !! release
+    integer, intent(in) :: flank               !! flank in contact
+    real(wp), intent(in) :: stop               !! latest end
+    type(end_t), intent(out) :: at             !! the end
+    integer :: panel
+    logical :: found, surely
+    surely = .false.
+    if (scene%form%harmonic) surely = stays(scene, curve%moving, goal%sign, curve%free)
+    panel = last_panel(scene, curve%t + stop)
+    at%s = stop
+    if (.not. surely) then
+      call expand_fully(scene, curve)
+      found = .false.
+      if (goal%touching) call short_contact(curve, goal%sign, stop, found, at%s)
+      panel = locate_panel(scene%form, curve%t)
+      if (.not. found) call slow_meeting(scene, curve, goal, 0.0_wp, stop, panel, found, at%s)
+      if (found) at%flank = flank
+    end if
+    call curve_at(scene, curve, panel, at%s, at%x, at%v)
+  end subroutine graded_contact_end
 
   !> A time that is a panel's edge but for rounding, put onto it.
   pure real(wp) function at_edge(scene, t, s) result(time)
@@ -264,7 +295,8 @@ contains
     real(wp), intent(in) :: to                 !! time since its beginning
     real(wp) :: c(0:max_degree)
     c = sign*[curve%taylor(1:max_degree), 0.0_wp]
-    leaves = least(bernstein_on(c, to)) > rest_after(scene, curve, panel)*to**max_degree
+    leaves = least(bernstein_on(c, to)) > rest_after(scene, curve, panel, 0.0_wp) &
+        *to**max_degree
   end function leaves
 
   !> The one release within a panel, where it is plain that there is just one.

@@ -23,7 +23,7 @@ module lapwing_exact_flight
 
   !> The end of a stretch.
   type :: end_t
-    integer :: flank = no_flank    !! flank met, or none: the stretch lasts until its stop
+    integer :: flank = no_flank    !! flank met, or none: the stretch may go on
     real(wp) :: s = 0              !! duration
     real(wp) :: x = 0, v = 0       !! position and velocity, of the same flank as the beginning's
   end type end_t

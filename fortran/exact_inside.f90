@@ -4,6 +4,7 @@ module lapwing_exact_inside
   use lapwing_closed_form, only: locate_panel, free_size
   use lapwing_first_meeting, only: first_turn
   use lapwing_damped, only: n_taylor
+  use lapwing_slow_contact, only: slow_turn, slow_farthest
   use lapwing_panel_series, only: flight_series, flight_on_piece, range_of_flight
   use lapwing_polynomial, only: max_degree, horner, horner_slope, bernstein_on, largest, &
       critical_points
@@ -28,6 +29,10 @@ contains
     real(wp), intent(out) :: s                 !! when
     real(wp) :: begin, finish
     integer :: panel
+    if (curve%contact .and. scene%form%graded) then
+      call slow_turn(scene, curve, from, until, found, s)
+      return
+    end if
     panel = locate_panel(scene%form, curve%t + from)
     begin = from
     do
@@ -59,7 +64,11 @@ contains
         if (told) return
       end if
     end if
-    farthest = farthest_over_panels(scene, curve, sign, until, least)
+    if (curve%contact .and. scene%form%graded) then
+      farthest = slow_farthest(scene, curve, sign, until, least)
+    else
+      farthest = farthest_over_panels(scene, curve, sign, until, least)
+    end if
   end function farthest
 
   !> Raise `most` to the largest value of a polynomial on an interval, if its second derivative

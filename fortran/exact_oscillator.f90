@@ -3,7 +3,7 @@ module lapwing_exact_oscillator
   use lapwing_kinds, only: wp
   use lapwing_codes, only: separation, no_flank, drive_flank, coast_flank
   use lapwing_blocks, only: blocks_of
-  use lapwing_closed_form, only: closed_form, locate_panel
+  use lapwing_closed_form, only: closed_form, most_panels
   use lapwing_exact_inside, only: next_turn, farthest
   use lapwing_exact_contact, only: contact_end
   use lapwing_exact_flight, only: end_t, flight_end, bounce, least_width
@@ -13,6 +13,7 @@ module lapwing_exact_oscillator
   use lapwing_oscillator, only: oscillator_t, oscillator, open_table_frame
   use lapwing_parameters, only: parameters_t
   use lapwing_polynomial, only: max_degree, first_descent
+  use lapwing_slow_contact, only: panel_in_contact
   use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_launch, expand_fully, curve_at, &
       flank_taylor, acceleration_at
   use lapwing_transmission_error, only: locate_piece
@@ -56,13 +57,14 @@ contains
     self%bend = bend_bound(self, g, harmonic)
     call follow_force(self)
     self%scene%table = self%table
-    self%scene%form = closed_form(self%table, g, harmonic, parameters%damping_ratio, self%period)
+    self%scene%form = closed_form(self%table, g, harmonic, parameters%damping_ratio, self%period, &
+        most_panels)
     self%scene%blocks = blocks_of(self%scene%form, self%table)
     if (harmonic .and. self%rigid) then
       self%push%force = 0
       self%push%table = self%table
       self%push%form = closed_form(self%table, derivative_series(g, 2), .true., 0.5_wp, &
-          self%period)
+          self%period, most_panels)
     end if
   end function exact_oscillator
 
@@ -131,6 +133,9 @@ contains
       call open_table_frame(self, instant, frame, z)
       if (.not. self%rigid) then
         frame%stop_knot = self%table%next_kink(frame%piece)
+        if (self%scene%form%graded .and. instant%motion_state /= separation) then
+          frame%stop_knot = frame%piece + 1
+        end if
         frame%stop = self%table%knot(frame%stop_knot) - instant%t
       end if
       return
@@ -277,7 +282,7 @@ contains
     call begin_curve(self, begin, curve)
     call expand_fully(self%scene, curve)
     y = 0
-    call curve_at(self%scene, curve, locate_panel(self%scene%form, begin%t + s), s, y(1), y(2))
+    call curve_at(self%scene, curve, panel_in_contact(self%scene, curve, s), s, y(1), y(2))
   end subroutine inside
 
   !> The curve of a stretch told from a flank, its series known.
@@ -320,7 +325,7 @@ contains
     distance = 0
     bend = 0
     if (.not. found) return
-    panel = locate_panel(self%scene%form, begin%t + s)
+    panel = panel_in_contact(self%scene, curve, s)
     call curve_at(self%scene, curve, panel, s, distance, v)
     bend = acceleration_at(self%scene, curve, panel, s, distance, v)
     if (flank == coast_flank) return

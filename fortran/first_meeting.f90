@@ -15,7 +15,7 @@ module lapwing_first_meeting
       acceleration_at
   implicit none
   private
-  public :: target_t, first_meeting, first_turn, quick_return, only_zero
+  public :: target_t, first_meeting, first_turn, turn_after, quick_return, only_zero
 
   !> What is looked for within one panel.
   type :: target_t
@@ -171,13 +171,25 @@ contains
     real(wp), intent(out) :: s                 !! when
     type(target_t) :: goal
     real(wp) :: x, v
+    goal = turn_after(scene, curve, panel, at_turn, from)
+    call first_meeting(scene, curve, panel, .false., goal, from, to, found, s, x, v)
+  end subroutine first_turn
+
+  !> The target of that search.
+  pure function turn_after(scene, curve, panel, at_turn, from) result(goal)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch
+    integer, intent(in) :: panel               !! panel that holds the time
+    logical, intent(in) :: at_turn             !! whether `from` is a turn
+    real(wp), intent(in) :: from               !! time since the stretch began
+    type(target_t) :: goal
+    real(wp) :: x, v
     call curve_at(scene, curve, panel, from, x, v)
     goal%touching = at_turn .or. v == 0
     if (goal%touching) v = acceleration_at(scene, curve, panel, from, x, v)
     goal%sign = sign(1.0_wp, v)
     goal%turn = .true.
-    call first_meeting(scene, curve, panel, .false., goal, from, to, found, s, x, v)
-  end subroutine first_turn
+  end function turn_after
 
   !> Taylor coefficients of the target, and the bound of what they leave out per power of time.
   pure subroutine expand_goal(scene, curve, panel, at_edge, goal, at, f, rest)
@@ -192,7 +204,7 @@ contains
     real(wp) :: c(0:max_degree)
     if (at <= 0 .and. curve%near >= 0) then
       c = curve%taylor(0:max_degree)
-      rest = rest_after(scene, curve, panel)
+      rest = rest_after(scene, curve, panel, 0.0_wp)
     else
       call curve_taylor(scene, curve, panel, at_edge, at, c, rest)
     end if

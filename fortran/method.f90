@@ -1,6 +1,7 @@
 !> The system that a method moves, and the memory it takes.
 module lapwing_method
   use lapwing_kinds, only: wp, int64
+  use lapwing_closed_form, only: ordinary_panels, most_panels
   use lapwing_codes, only: method_exact
   use lapwing_exact_oscillator, only: exact_oscillator
   use lapwing_oscillator, only: oscillator_t, oscillator
@@ -11,6 +12,8 @@ module lapwing_method
 
   !> Bytes of a panel of the closed form and of a knot of a table, with what goes with each.
   real(wp), parameter :: panel_bytes = 700, knot_bytes = 200
+  !> Panels of a table's piece in a graded scene, at most.
+  integer, parameter :: graded_panels = 3
   !> A system is copied twice while it is made.
   integer, parameter :: copies = 3
 
@@ -33,7 +36,7 @@ contains
   end subroutine moved_by
 
   !> Whether there is memory for some systems: tried, since a failed allocation within a copy of a
-  !> type would end the process. Panels are bounded before (`lapwing.engine`).
+  !> type would end the process.
   logical function has_room(method, parameters, knots, series, systems)
     integer, intent(in) :: method                         !! method_*
     type(parameters_t), intent(in) :: parameters          !! dimensionless parameters
@@ -41,15 +44,17 @@ contains
     real(wp), intent(in) :: series(:, :)                  !! (3, terms), first order -1: none
     integer, intent(in) :: systems                        !! how many at once
     character, allocatable, volatile :: trial(:)   ! else it may be left out
-    real(wp) :: rate, bytes
+    real(wp), parameter :: two_pi = 8*atan(1.0_wp)
+    real(wp) :: rate, panels
     integer :: error
     associate (p => parameters)
       rate = max(1.0_wp, 2*p%damping_ratio, p%mesh_frequency_ratio*maxval(series(1, :)))
-      ! 2 pi/Omega times the rate over 1.31, and a panel for each knot.
-      bytes = (panel_bytes + knot_bytes)*size(knots)
-      if (method == method_exact) bytes = bytes + panel_bytes*(5*rate/p%mesh_frequency_ratio)
+      panels = 0
+      if (method == method_exact) panels = min(real(most_panels, wp), &
+          ordinary_panels(two_pi/p%mesh_frequency_ratio, rate, 0)) + graded_panels*size(knots)
     end associate
-    allocate (trial(int(systems*copies*min(bytes, 1e12_wp), int64)), stat=error)
+    allocate (trial(int(systems*copies*(panel_bytes*panels + knot_bytes*size(knots)), int64)), &
+        stat=error)
     has_room = error == 0
   end function has_room
 end module lapwing_method

@@ -9,7 +9,7 @@ module lapwing_smooth_curve
   use lapwing_blocks, only: blocks_t
   use lapwing_closed_form, only: closed_form_t, panel_t, locate_panel, free_size, &
       launch_order, reach
-  use lapwing_damped, only: free_motion, turn_undamped, n_taylor
+  use lapwing_damped, only: free_motion, free_modes, lasting, lasting_t, turn_undamped, n_taylor
   use lapwing_harmonic_series, only: turned_t, turn_series, turned_value, turned_taylor, &
       turned_tail, series_at, expand_series
   use lapwing_polynomial, only: max_degree, horner, horner_slope, jet, taylor_shift
@@ -349,7 +349,7 @@ contains
       end if
     end if
     call motion_taylor(scene, curve%contact, x, v, g, c)
-    rest = rest_after(scene, curve, panel)
+    rest = rest_after(scene, curve, panel, s)
   end subroutine curve_taylor
 
   !> Position and velocity in flight where the flank is known.
@@ -373,20 +373,35 @@ contains
     real(wp), intent(in) :: q(2)                   !! response and its rate
     real(wp), intent(out) :: x, v                  !! position and velocity
     real(wp) :: d, e, state(2)
-    call free_motion(scene%form%damping, s, d, e)
-    state = free_state(scene%form, curve%free, d, e)
+    associate (damping => scene%form%damping)
+      if (scene%form%graded .and. damping%apart) then
+        call free_modes(damping, curve%free, s, d, e)
+        state = [d + e, -(damping%slow_rate*d + damping%fast_rate*e)]
+      else
+        call free_motion(damping, s, d, e)
+        state = free_state(scene%form, curve%free, d, e)
+      end if
+    end associate
     x = scene%force + (q(1) + state(1))
     v = q(2) + state(2)
   end subroutine add_free_part
 
-  !> Bound of |x^(6)|/6! on a panel: of q, and of a free oscillation that never grows.
-  pure real(wp) function rest_after(scene, curve, panel) result(rest)
+  !> Bound of |x^(6)|/6! on a panel from a time on: of q, and of a free oscillation that never
+  !> grows, and in a graded scene may have died out by then.
+  pure real(wp) function rest_after(scene, curve, panel, s) result(rest)
     type(scene_t), intent(in) :: scene             !! scene
     type(curve_t), intent(in) :: curve             !! stretch
     integer, intent(in) :: panel                   !! panel
+    real(wp), intent(in) :: s                      !! time since the stretch began
+    type(lasting_t) :: left
     rest = 0
     if (curve%contact) then
-      rest = scene%form%free_bound*free_size(curve%free)
+      if (scene%form%graded) then
+        left = lasting(scene%form%damping, curve%free, s)
+        rest = left%sixth
+      else
+        rest = scene%form%free_bound*free_size(curve%free)
+      end if
       if (curve%moving) rest = rest + scene%form%panel(panel)%q_sixth
     else if (scene%form%harmonic .and. curve%moving) then
       rest = scene%form%g_bound

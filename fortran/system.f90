@@ -64,7 +64,7 @@ module lapwing_system
 
   !> The end of a smooth stretch in closed form.
   type :: reached_t
-    integer :: flank = 0                 !! flank met, or none: it lasts until its stop
+    integer :: flank = 0                 !! flank met, or none: it may go on
     integer :: chart = 1                 !! flank that y refers to: the one met, if any
     real(wp) :: s = 0                    !! duration
     real(wp) :: y(max_states) = 0        !! state variables, before whatever happens there

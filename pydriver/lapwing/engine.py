@@ -47,9 +47,9 @@ METHODS = ("auto", "exact", "rk4")
 # Three of sixteen digits may be lost between response and free oscillation.
 MOST_AMPLIFIED = 1e3
 EXACT_CHATTER_TOL = 1e-13
-# closed_form.f90, panel_span; and how many panels take some 80 MB while they are made.
-PANEL_SPAN = 1.31
-MOST_PANELS = 100_000
+# From about here on the closed form is graded (closed_form.f90, most_panels times panel_span): its
+# parts are pieces of the table each by itself, and no periodic response is among them.
+GRADED_SPAN = 1.31e5
 # A longer harmonic series is taken from its table (harmonic_series.f90, max_terms).
 MAX_TERMS = 8
 
@@ -119,6 +119,11 @@ class Wanted:
     speed_edges: tuple = ()
 
 
+def _series_is_taken(osc):
+    """Whether the closed form takes a transmission error as its series, not as a table."""
+    return 0 < len(osc.te.harmonics) <= MAX_TERMS
+
+
 def _table_arguments(oscillators, method="rk4"):
     """Knots, coefficients, kinks and series shared by all oscillators.
 
@@ -127,7 +132,7 @@ def _table_arguments(oscillators, method="rk4"):
     """
     te = oscillators[0].te
     # The closed form takes the series itself.
-    if method == "exact" and 0 < len(te.harmonics) <= MAX_TERMS:
+    if method == "exact" and _series_is_taken(oscillators[0]):
         return (np.array([0.0, 1.0]), np.zeros((6, 1), order="F"), np.zeros(1, dtype=np.intc),
                 np.asfortranarray(te.harmonics.T))
     coefficients = np.asfortranarray(te.coefficients.T.copy())
@@ -140,42 +145,23 @@ def method_of(osc, numerics):
     """'exact' or 'rk4': how an oscillator is moved under `numerics`.
 
     The closed form of contact is a periodic response plus a free oscillation. Near an undamped
-    resonance both grow without bound and leave no digits in their sum; RK4 has no such trouble,
-    nor with a damper so fast against the mesh that the closed form would not fit into memory.
+    resonance both grow without bound and leave no digits in their sum; RK4 has no such trouble.
 
     Raises
     ------
     ValueError
-        where 'exact' is asked for and the response is more than `MOST_AMPLIFIED` times its cause,
-        or the closed form more than `MOST_PANELS` panels long.
+        where 'exact' is asked for and the response is more than `MOST_AMPLIFIED` times its cause.
     """
     if numerics.method == "rk4":
         return "rk4"
-    amplified, panels = response_amplification(osc), panels_of(osc)
-    if amplified <= MOST_AMPLIFIED and panels <= MOST_PANELS:
+    amplified = response_amplification(osc)
+    graded = not _series_is_taken(osc) and osc.period * max(1.0, 2 * osc.damping_ratio) > GRADED_SPAN
+    if amplified <= MOST_AMPLIFIED or graded:
         return "exact"
     if numerics.method == "auto":
         return "rk4"
-    if panels > MOST_PANELS:
-        raise ValueError(f"method = 'exact': the closed form would cut the mesh period into "
-                         f"{panels:.3g} panels, at most {MOST_PANELS} are expected; take 'rk4', "
-                         "or a smaller damping_ratio over mesh_frequency_ratio")
     raise ValueError(f"method = 'exact': so near to an undamped resonance (amplification "
                      f"{amplified:.3g}) the closed form loses its digits; take 'rk4'")
-
-
-def panels_of(osc):
-    """Panels into which the closed form cuts the mesh period, to within one a piece of the table.
-
-    They are short against the fastest rate of contact, flank and damper (closed_form.f90); each
-    takes some 600 bytes, thrice while they are made.
-    """
-    rate, pieces = max(1.0, 2 * osc.damping_ratio), osc.te.knots.size - 1
-    if 0 < len(osc.te.harmonics) <= MAX_TERMS:
-        order, amplitude, _ = osc.te.harmonics.T
-        rate = max(rate, osc.mesh_frequency_ratio * np.max(order[amplitude != 0], initial=0.0))
-        pieces = 0
-    return osc.period * rate / PANEL_SPAN + pieces
 
 
 def common_method(oscillators, numerics):

@@ -2,7 +2,7 @@
 !> series of the differential equation itself, of order 30, in quadruple precision.
 module exact_reference
   use, intrinsic :: iso_fortran_env, only: qp => real128
-  use lapwing_closed_form, only: closed_form
+  use lapwing_closed_form, only: closed_form, most_panels
   use lapwing_harmonic_series, only: harmonic_series_t, harmonic_series
   use lapwing_kinds, only: wp
   use lapwing_polynomial, only: max_degree
@@ -100,7 +100,7 @@ contains
     type(harmonic_series_t) :: none
     scene%force = force
     scene%table = te_table(knots, coefficients, kinks, 1.0_wp, period, 0.0_wp)
-    scene%form = closed_form(scene%table, none, .false., xi, period)
+    scene%form = closed_form(scene%table, none, .false., xi, period, most_panels)
   end function table_scene
 
   !> Scene over a harmonic series.
@@ -113,7 +113,7 @@ contains
     scene%force = force
     scene%table = te_table([0.0_wp, 1.0_wp], zero, [.false.], 1.0_wp, period, 0.0_wp)
     scene%form = closed_form(scene%table, harmonic_series(series, 1.0_wp, two_pi/period), .true., &
-        xi, period)
+        xi, period, most_panels)
   end function series_scene
 
   !> Any of the two, far from undamped resonances, where the response is at most some ten times its
