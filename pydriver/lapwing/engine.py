@@ -155,7 +155,8 @@ def method_of(osc, numerics):
     if numerics.method == "rk4":
         return "rk4"
     amplified = response_amplification(osc)
-    graded = not _series_is_taken(osc) and osc.period * max(1.0, 2 * osc.damping_ratio) > GRADED_SPAN
+    span = osc.period * max(1.0, 2 * osc.damping_ratio)
+    graded = span > GRADED_SPAN and not _series_is_taken(osc)
     if amplified <= MOST_AMPLIFIED or graded:
         return "exact"
     if numerics.method == "auto":

@@ -11,7 +11,8 @@ module exact_reference
   implicit none
   private
   public :: qp, seed, uniform, chance, pick, random_table, random_series, table_scene, series_scene
-  public :: random_scene, quad_flank, quad_flow, quad_acceleration, longest_rate, amplification
+  public :: random_scene, slow_scene, quad_flank, quad_flow, quad_acceleration, longest_rate
+  public :: amplification
 
   integer, parameter :: order = 30               !! of the reference's steps
   !> Steps of this over the fastest rate leave out 0.25**31 of a term: nothing.
@@ -91,29 +92,37 @@ contains
   end function random_series
 
   !> Scene over a table.
-  function table_scene(knots, coefficients, kinks, period, xi, force) result(scene)
+  function table_scene(knots, coefficients, kinks, period, xi, force, most) result(scene)
     real(wp), intent(in) :: knots(:)              !! mesh phase
     real(wp), intent(in) :: coefficients(0:, :)   !! over mesh phase
     logical, intent(in) :: kinks(:)               !! slope jumps
     real(wp), intent(in) :: period, xi, force     !! P, damping ratio, F
+    integer, intent(in), optional :: most         !! panels before it is graded
     type(scene_t) :: scene
     type(harmonic_series_t) :: none
+    integer :: panels
+    panels = most_panels
+    if (present(most)) panels = most
     scene%force = force
     scene%table = te_table(knots, coefficients, kinks, 1.0_wp, period, 0.0_wp)
-    scene%form = closed_form(scene%table, none, .false., xi, period, most_panels)
+    scene%form = closed_form(scene%table, none, .false., xi, period, panels)
   end function table_scene
 
   !> Scene over a harmonic series.
-  function series_scene(series, period, xi, force) result(scene)
+  function series_scene(series, period, xi, force, most) result(scene)
     real(wp), intent(in) :: series(:, :)          !! order, amplitude, shift
     real(wp), intent(in) :: period, xi, force     !! P, damping ratio, F
+    integer, intent(in), optional :: most         !! panels before it is graded
     type(scene_t) :: scene
     real(wp) :: zero(0:max_degree, 1)
+    integer :: panels
+    panels = most_panels
+    if (present(most)) panels = most
     zero = 0
     scene%force = force
     scene%table = te_table([0.0_wp, 1.0_wp], zero, [.false.], 1.0_wp, period, 0.0_wp)
     scene%form = closed_form(scene%table, harmonic_series(series, 1.0_wp, two_pi/period), .true., &
-        xi, period, most_panels)
+        xi, period, panels)
   end function series_scene
 
   !> Any of the two, far from undamped resonances, where the response is at most some ten times its
@@ -136,6 +145,24 @@ contains
       scene = table_scene(knots, coefficients, kinks, period, xi, force)
     end if
   end subroutine random_scene
+
+  !> A graded scene: the mesh slow against the spring, the damper, both or neither.
+  subroutine slow_scene(harmonic, scene)
+    logical, intent(in) :: harmonic               !! a series, or a table
+    type(scene_t), intent(out) :: scene           !! the scene
+    real(wp), allocatable :: knots(:), coefficients(:, :)
+    logical, allocatable :: kinks(:)
+    real(wp) :: xi, period
+    xi = pick([0.01_wp, 0.1_wp, 0.9_wp, 1.0_wp, 1.04_wp, 1.06_wp, 1.6_wp, 5.0_wp, 40.0_wp])
+    period = 10.0_wp**uniform(0.3_wp, 3.0_wp)/max(1.0_wp, 2*xi)
+    if (harmonic) then
+      scene = series_scene(random_series(1 + int(uniform(0.0_wp, 3.0_wp))), period, xi, 0.0_wp, 0)
+    else
+      call random_table(1 + int(uniform(0.0_wp, 5.0_wp)), 0.3_wp, knots, coefficients, kinks)
+      if (size(kinks) == 1) kinks = .true.
+      scene = table_scene(knots, coefficients, kinks, period, xi, 0.0_wp, 0)
+    end if
+  end subroutine slow_scene
 
   !> Fastest rate of a scene's motion.
   pure real(wp) function longest_rate(scene)

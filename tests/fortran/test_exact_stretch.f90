@@ -2,23 +2,25 @@
 !> precision with dense samples: flights between two flanks, contacts, and what lies at their stop.
 program test_exact_stretch
   use assertions, only: tally_t
-  use exact_reference, only: qp, seed, uniform, chance, pick, random_scene, table_scene, &
-      series_scene, quad_flow, amplification
+  use exact_reference, only: qp, seed, uniform, chance, pick, random_scene, slow_scene, &
+      table_scene, series_scene, quad_flow, amplification
   use lapwing_codes, only: no_flank, drive_flank, coast_flank
   use lapwing_exact_contact, only: contact_end
   use lapwing_exact_flight, only: end_t, flight_end, bounce, least_width
+  use lapwing_exact_inside, only: farthest, next_turn
   use lapwing_kinds, only: wp
-  use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_launch
+  use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_launch, expand_fully
   use lapwing_transmission_error, only: locate_piece
   implicit none
 
   type(tally_t) :: tally
   real(wp), parameter :: eps = epsilon(1.0_wp)
-  integer, parameter :: n_stretches = 1000, n_samples = 150
+  integer, parameter :: n_stretches = 1000, n_slow = 400, n_samples = 150
 
   call seed(20261126)
   call test_flights()
   call test_contacts()
+  call test_slow_contacts()
   call test_kink_is_a_stop()
   call test_meeting_at_the_stop()
   call test_mirror()
@@ -33,6 +35,12 @@ contains
     type(curve_t), intent(in) :: curve       !! stretch
     real(wp), intent(in) :: s                !! time
     real(wp) :: bend
+    if (scene%form%graded) then
+      ! Of its terms, and of time against the period at the speed of each.
+      rounding = eps*(50 + 2*scene%form%period) &
+          *(abs(curve%x) + abs(curve%v) + abs(scene%force) + amplification(scene))
+      return
+    end if
     bend = 1
     if (.not. scene%form%harmonic) bend = 1 + maxval(abs(scene%table%coefficient(2:5, :)))
     rounding = eps*(40*(abs(curve%x) + abs(curve%v) + 5)*(1 + s)**2 &
@@ -192,6 +200,83 @@ contains
     print "(a, 3(1x, i0))", "measured: contacts to their stop, off drive and coast flank", met
     call tally%below(60.0_wp, real(minval(met), wp), "each end of a contact seen")
   end subroutine test_contacts
+
+  !> Contacts in graded scenes: near release, near rest or thrown about, and up to the next knot.
+  subroutine test_slow_contacts()
+    type(scene_t) :: scene
+    type(curve_t) :: curve, told
+    type(end_t) :: at
+    real(wp) :: wall(2), stop, x, v, sign, size
+    integer :: i, flank, met(0:2)
+    logical :: touching
+    met = 0
+    do i = 1, n_slow
+      call slow_scene(mod(i, 3) == 0, scene)
+      call tally%is_true(scene%form%graded, "a graded scene")
+      flank = merge(drive_flank, coast_flank, chance(0.5_wp))
+      sign = merge(1.0_wp, -1.0_wp, flank == drive_flank)
+      size = amplification(scene)
+      scene%force = sign*size*pick([0.2_wp, 0.8_wp, 1.5_wp])
+      touching = chance(0.3_wp)
+      x = sign*size*10.0_wp**uniform(-3.0_wp, 0.3_wp)
+      v = size*uniform(-1.5_wp, 1.5_wp)*pick([0.0_wp, 1.0_wp, 2*scene%form%damping%xi])
+      if (touching) then
+        x = 0
+        v = sign*size*10.0_wp**uniform(-9.0_wp, 0.3_wp)
+      end if
+      call begin(scene, .true., x, v, curve)
+      stop = min(longest(scene, curve), scene%table%knot(curve%piece + 1) - curve%t)
+      if (chance(0.3_wp)) stop = stop*uniform(0.0_wp, 1.0_wp)
+      told = curve
+      call contact_end(scene, told, flank, touching, stop, at)
+      met(at%flank) = met(at%flank) + 1
+      wall = [1.0e6_wp, 0.0_wp]
+      if (flank == coast_flank) wall = [0.0_wp, -1.0e6_wp]
+      if (at%flank /= no_flank) then
+        call tally%equal(at%flank, flank, "the flank released, slowly")
+        at%flank = 3 - flank
+      end if
+      call check_end(scene, curve, wall, stop, at, "slow contact")
+      call expand_fully(scene, curve)
+      call check_turns(scene, curve, at%s)
+    end do
+    print "(a, 3(1x, i0))", "measured: slow contacts to their stop, off either flank", met
+    call tally%below(20.0_wp, real(minval(met), wp), "each end of a slow contact seen")
+  end subroutine test_slow_contacts
+
+  !> The farthest point is the largest of the ends and of all turns.
+  subroutine check_turns(scene, curve, until)
+    type(scene_t), intent(in) :: scene       !! scene
+    type(curve_t), intent(in) :: curve       !! stretch, its series known
+    real(wp), intent(in) :: until            !! its length
+    real(qp) :: x, v, time
+    real(wp) :: most, from, s, at_turns, allowed
+    integer :: piece, n
+    logical :: found
+    allowed = rounding(scene, curve, until)
+    most = farthest(scene, curve, 1.0_wp, until, -huge(until))
+    x = curve%x
+    v = curve%v
+    time = 0
+    piece = curve%piece
+    at_turns = curve%x
+    from = 0
+    n = 0
+    do
+      call next_turn(scene, curve, from, until, found, s)
+      if (.not. found) exit
+      n = n + 1
+      if (n > 200) exit
+      call follow(scene, curve, piece, time, real(s, qp), x, v)
+      at_turns = max(at_turns, real(x, wp))
+      call tally%near(real(v, wp), 0.0_wp, allowed*max(1.0_wp, 2*scene%form%damping%xi), &
+          "velocity at a turn")
+      from = s
+    end do
+    call follow(scene, curve, piece, time, real(until, qp), x, v)
+    at_turns = max(at_turns, real(x, wp))
+    if (n <= 200) call tally%near(most, at_turns, allowed, "farthest point of a slow contact")
+  end subroutine check_turns
 
   !> One kink in mid-period: velocity at the stop is that before it, though the flank turns there.
   subroutine test_kink_is_a_stop()
