@@ -13,8 +13,7 @@ from environment import ROOT, VENV
 
 # Which Meson file must name which sources, and how: one left out would silently not be run.
 BUILD_LISTS = (
-    ("fortran/meson.build", "fortran/*.f90", "'{0.name}'"),
-    ("fortran/meson.build", "fortran/*.inc", "'{0.name}'"),
+    ("fortran/meson.build", "fortran/**/*.f90", "{0.parent.name}/{0.name}'"),
     ("tests/meson.build", "tests/fortran/test_*.f90", "'{0.stem}'"),
     ("tests/reference/meson.build", "tests/reference/*.f90", "'{0.name}'"),
 )

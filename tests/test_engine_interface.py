@@ -32,7 +32,7 @@ def source(name):
 
 
 def test_every_public_procedure_is_wrapped_and_nothing_else():
-    public = re.search(r"public :: (.*)", source("api.f90"))[1].split(", ")
+    public = re.search(r"public :: (.*)", source("api/api.f90"))[1].split(", ")
     assert sorted(PROCEDURES) == sorted(public)
     assert all(callable(getattr(api, name)) for name in PROCEDURES)
 
@@ -47,7 +47,7 @@ def test_no_argument_became_single_precision(name):
 
 
 def test_the_api_file_declares_c_kinds_with_explicit_shapes():
-    text = source("api.f90")
+    text = source("api/api.f90")
     declared = re.findall(r"^ *(\w+\(?\w*\)?), intent\((in|out|inout)\) :: ([^!\n]+)", text, re.M)
     assert len(declared) > 40
     for kind, _, names in declared:
@@ -65,7 +65,7 @@ def test_codes_are_those_of_the_engine():
 
 def test_the_order_of_the_codes_is_that_of_their_names():
     """`all_codes` of marshal.f90 spells names: they are those of the enumerations."""
-    text = re.search(r"all_codes\(\d+\) = \[(.*?)\]", source("marshal.f90"), re.S)[1]
+    text = re.search(r"all_codes\(\d+\) = \[(.*?)\]", source("api/marshal.f90"), re.S)[1]
     names = [name.strip() for name in text.replace("&", "").replace("\n", " ").split(",")]
     expected = []
     for enum, prefix in ((codes.MotionState, ""), (codes.Flank, ""), (codes.EventKind, "event_"),
@@ -91,7 +91,7 @@ def test_sizes_are_those_of_the_engine():
     assert len(engine.WORK_NAMES) == engine.WORK_SIZE
     assert len(engine.CYCLE_NAMES) == engine.CYCLE_COLUMNS
     assert len(engine.TANGENT_NAMES) == engine.TANGENT_COLUMNS
-    text = source("api.f90")
+    text = source("api/api.f90")
     for rows in (f"log({engine.LOG_COLUMNS}, n_log)", f"cycles({engine.CYCLE_COLUMNS}, n_cycles)",
                  f"samples({engine.SAMPLE_COLUMNS}, n_samples)",
                  f"tangent({engine.TANGENT_COLUMNS}, n_tangent)", "coefficients(6, n_pieces)"):

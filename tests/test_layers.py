@@ -2,7 +2,6 @@
 
 import ast
 import re
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -12,11 +11,11 @@ from helpers import ROOT
 # --- Fortran ----------------------------------------------------------------------------------
 
 FORTRAN = ROOT / "fortran"
-SOURCES = sorted(FORTRAN.glob("*.f90"))
-BUILD = (FORTRAN / "meson.build").read_text(encoding="utf-8")
-# Lowest layer first; the API file, the only one f2py reads, is not part of the library.
-ORDER = [*re.findall(r"'(\w+\.f90)'", BUILD.split("engine_sources", 1)[1].split(")", 1)[0]),
-         "api.f90"]
+SOURCES = sorted(FORTRAN.rglob("*.f90"))
+# The way of the data, and what may be imported: a room uses those before it, and itself.
+ROOMS = ["base", "polynomial", "flank", "system", "flow/rk4", "flow/exact", "hybrid", "observers",
+         "run", "api"]
+MOST_FILES, MOST_LINES = 12, 425
 
 
 def statements(path):
@@ -35,12 +34,35 @@ def uses(path):
             for m in found if m]
 
 
+def room(path):
+    return path.parent.relative_to(FORTRAN).as_posix()
+
+
 def module_name(path):
-    return "api" if path.stem == "api" else f"lapwing_{path.stem}"
+    """The path, without the ground floor and without saying a word twice in a row."""
+    if path.stem == "api":
+        return "api"
+    parts = [part for part in path.relative_to(FORTRAN).with_suffix("").parts if part != "base"]
+    return "_".join(["lapwing", *parts[:-1], *parts[-1:][:parts[-1:] != parts[-2:-1]]])
+
+
+MODULE_ROOMS = {module_name(path): room(path) for path in SOURCES}
 
 
 def test_the_build_lists_every_source_once():
-    assert sorted(ORDER) == [path.name for path in SOURCES]
+    build = (FORTRAN / "meson.build").read_text(encoding="utf-8")
+    listed = re.findall(r"'([\w/]+\.f90)'", build.split("engine_sources", 1)[1].split(")", 1)[0])
+    assert sorted([*listed, "api/api.f90"]) == [p.relative_to(FORTRAN).as_posix() for p in SOURCES]
+
+
+def test_every_source_lies_in_a_room_that_can_be_overlooked():
+    assert {room(path) for path in SOURCES} == set(ROOMS)
+    for name in ROOMS:
+        files = list((FORTRAN / name).glob("*.f90"))
+        assert len(files) <= MOST_FILES, f"{len(files)} files in {name}"
+    for path in SOURCES:
+        lines = path.read_text(encoding="utf-8").count("\n")
+        assert lines <= MOST_LINES, f"{path.name}: {lines} lines"
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda p: p.name)
@@ -57,25 +79,23 @@ def test_use_goes_downwards_and_names_what_it_takes(path):
         if intrinsic or module in ("iso_c_binding", "iso_fortran_env", "ieee_arithmetic",
                                    "omp_lib"):
             continue
-        assert module.startswith("lapwing_")
-        below = f"{module.removeprefix('lapwing_')}.f90"
-        assert ORDER.index(below) < ORDER.index(path.name), f"{path.name} uses {below}"
+        assert ROOMS.index(MODULE_ROOMS[module]) <= ROOMS.index(room(path)), \
+            f"{module_name(path)} uses {module}"
+        assert {room(path), MODULE_ROOMS[module]} != {"flow/rk4", "flow/exact"}, \
+            f"{module_name(path)} uses {module}: two ways to move know nothing of each other"
 
 
 def test_the_api_is_used_by_nobody_and_sees_the_marshal_only():
     assert not any(module == "api" for path in SOURCES for module, _, _ in uses(path))
-    assert {m for m, _, i in uses(FORTRAN / "api.f90") if not i} == {"lapwing_marshal"}
+    assert {m for m, _, i in uses(FORTRAN / "api/api.f90") if not i} \
+        == {"lapwing_api_marshal"}
 
 
-def test_layers_of_the_engine_come_in_the_order_meant():
-    """Some landmarks of the list, lowest first (house style)."""
-    landmarks = ["kinds.f90", "codes.f90", "polynomial.f90", "transmission_error.f90", "rk4.f90",
-                 "automaton.f90", "run.f90", "sweep.f90", "marshal.f90", "api.f90"]
-    assert all(ORDER.index(a) < ORDER.index(b) for a, b in pairwise(landmarks))
-    # The step formula, the step-size rule, event search and driver do not know the oscillator.
-    for name in ("rk4", "step_control", "event_search", "contact_rules", "chatter", "records",
-                 "near_grazes", "recorder", "automaton", "run"):
-        assert "lapwing_oscillator" not in {m for m, _, _ in uses(FORTRAN / f"{name}.f90")}
+def test_the_automaton_and_all_behind_it_know_no_oscillator():
+    """They serve any system; the sweep and the marshal make one."""
+    for path in SOURCES:
+        if room(path) in ("flow/rk4", "observers"):
+            assert "lapwing_system_oscillator" not in {m for m, _, _ in uses(path)}, path.name
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda p: p.name)

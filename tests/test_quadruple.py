@@ -39,7 +39,7 @@ def program():
 
 
 def test_only_the_kind_differs(program):
-    own = (ROOT / "fortran" / "kinds.f90").read_text(encoding="utf-8").splitlines()
+    own = (ROOT / "fortran" / "base" / "kinds.f90").read_text(encoding="utf-8").splitlines()
     made = (program.parent / "quadruple_kinds.f90").read_text(encoding="utf-8").splitlines()
     different = [(a.strip(), b.strip()) for a, b in zip(own, made, strict=True) if a != b]
     assert [b for _, b in different][1:] == ["integer, parameter :: wp = real128"]

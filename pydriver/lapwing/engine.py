@@ -21,7 +21,7 @@ from lapwing.threads import usable_threads
 
 CALL_SECONDS = 0.4
 LOG_ROOM = 1 << 16
-LINE_DONE = 4  # sweep.f90, stage_done
+LINE_DONE = 4  # fortran/run/sweep.f90, stage_done
 
 (BLOB_SIZE, WORK_SIZE, LOG_COLUMNS, CYCLE_COLUMNS, SAMPLE_COLUMNS, N_REALS, N_CHOICES,
  TANGENT_COLUMNS) = (int(n) for n in api.sizes())
@@ -33,7 +33,7 @@ CYCLE_NAMES = ("cycle", "motion_state", "phi", "phi_dot", "impacts", "back_impac
                "counted_impacts", "counted_back_impacts", "releases", "back_releases", "engages",
                "back_engages", "chatter_ends", "back_chatter_ends", "deepest_separation",
                "deepest_back_penetration", "states_visited")
-# Lines of the tangent map: fortran/tangent_map.f90.
+# Lines of the tangent map: fortran/observers/tangent.f90.
 TANGENT_NAMES = ("m11", "m12", "m21", "m22", "exponent", "log_det", "det_sign", "rank",
                  "drive_time", "coast_time", "impacts", "log_rebound", "graze_depth")
 
@@ -47,10 +47,10 @@ METHODS = ("auto", "exact", "rk4")
 # Three of sixteen digits may be lost between response and free oscillation.
 MOST_AMPLIFIED = 1e3
 EXACT_CHATTER_TOL = 1e-13
-# From about here on the closed form is graded (closed_form.f90, most_panels times panel_span): its
+# From about here on the closed form is graded (flow/exact/response.f90, most_panels times panel_span): its
 # parts are pieces of the table each by itself, and no periodic response is among them.
 GRADED_SPAN = 1.31e5
-# A longer harmonic series is taken from its table (harmonic_series.f90, max_terms).
+# A longer harmonic series is taken from its table (flank/series.f90, max_terms).
 MAX_TERMS = 8
 
 

@@ -2,12 +2,12 @@
 !> series of the differential equation itself, of order 30, in quadruple precision.
 module exact_reference
   use, intrinsic :: iso_fortran_env, only: qp => real128
-  use lapwing_closed_form, only: closed_form, most_panels
-  use lapwing_harmonic_series, only: harmonic_series_t, harmonic_series
+  use lapwing_flow_exact_response, only: closed_form, most_panels
+  use lapwing_flank_series, only: harmonic_series_t, harmonic_series
   use lapwing_kinds, only: wp
-  use lapwing_polynomial, only: max_degree
-  use lapwing_smooth_curve, only: scene_t
-  use lapwing_transmission_error, only: te_table
+  use lapwing_polynomial_evaluation, only: max_degree
+  use lapwing_flow_exact_motion, only: scene_t
+  use lapwing_flank_table, only: te_table
   implicit none
   private
   public :: qp, seed, uniform, chance, pick, random_table, random_series, table_scene, series_scene

@@ -3,14 +3,14 @@
 !> whole calls of `advance_any`.
 program measure_dispatch
   use lapwing_codes, only: separation, engagement, law_compliant, law_restitution, gap_one_flank
-  use lapwing_event_search, only: work_t
-  use lapwing_advance, only: advance_any
+  use lapwing_flow_rk4_crossing, only: work_t
+  use lapwing_hybrid_advance, only: advance_any
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_kinds, only: wp, int64
-  use lapwing_oscillator, only: oscillator_t, oscillator
-  use lapwing_parameters, only: parameters_t
-  use lapwing_rk4, only: rk4_step
-  use lapwing_starts, only: start_from, start_at_rest
+  use lapwing_system_oscillator, only: oscillator_t, oscillator
+  use lapwing_system_parameters, only: parameters_t
+  use lapwing_flow_rk4_step, only: rk4_step
+  use lapwing_system_start, only: start_from, start_at_rest
   use lapwing_system, only: system_t, instant_t, frame_t, motion_t, max_states
   use test_systems, only: dispatched_t
   implicit none

@@ -1,16 +1,16 @@
 !> The automaton on systems of one degree of freedom whose motion is known by hand.
 program test_automaton
   use assertions, only: tally_t
-  use lapwing_automaton, only: advance
-  use lapwing_codes, only: separation, engagement, coast_flank, event_impact, &
-      event_chatter_end, event_engage, event_kind, status_ok, status_too_many_events, &
-      status_too_many_steps, status_not_finite
-  use lapwing_event_search, only: work_t
+  use lapwing_hybrid_automaton, only: advance
+  use lapwing_codes, only: separation, engagement, coast_flank, event_impact, event_chatter_end, &
+      event_engage, event_kind, status_ok, status_too_many_events, status_too_many_steps, &
+      status_not_finite
+  use lapwing_flow_rk4_crossing, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t, event_t
   use lapwing_kinds, only: wp
-  use lapwing_oscillator, only: oscillator_t, oscillator
-  use lapwing_parameters, only: parameters_t
-  use lapwing_starts, only: start_from
+  use lapwing_system_oscillator, only: oscillator_t, oscillator
+  use lapwing_system_parameters, only: parameters_t
+  use lapwing_system_start, only: start_from
   use lapwing_system, only: system_t
   use test_systems, only: ball_t, forced_mass_t
   implicit none

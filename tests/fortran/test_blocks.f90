@@ -2,16 +2,17 @@
 program test_blocks
   use assertions, only: tally_t
   use exact_reference, only: seed, uniform, chance, pick, table_scene, series_scene, random_series
-  use lapwing_blocks, only: blocks_of
+  use lapwing_flow_exact_interval_bounds, only: blocks_of
   use lapwing_codes, only: drive_flank, coast_flank, no_flank
-  use lapwing_closed_form, only: free_size, locate_panel
-  use lapwing_exact_contact, only: contact_end
-  use lapwing_exact_flight, only: end_t, flight_end
-  use lapwing_exact_inside, only: farthest
-  use lapwing_harmonic_series, only: harmonic_series_t, harmonic_series, series_at
+  use lapwing_flow_exact_response, only: free_size, locate_panel
+  use lapwing_flow_exact_contact, only: contact_end
+  use lapwing_flow_exact_flight, only: end_t, flight_end
+  use lapwing_flow_exact_extrema, only: farthest
+  use lapwing_flank_series, only: harmonic_series_t, harmonic_series, series_at
   use lapwing_kinds, only: wp
-  use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_fully, curve_at, flank_taylor
-  use lapwing_transmission_error, only: locate_piece
+  use lapwing_flow_exact_motion, only: scene_t, curve_t, launch, expand_fully, curve_at, &
+      flank_taylor
+  use lapwing_flank_table, only: locate_piece
   implicit none
 
   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)

@@ -2,7 +2,7 @@
 program test_chatter
   use, intrinsic :: iso_fortran_env, only: real128
   use assertions, only: tally_t
-  use lapwing_chatter, only: remaining_chatter, below_resolution
+  use lapwing_hybrid_chatter, only: remaining_chatter, below_resolution
   use lapwing_kinds, only: wp
   implicit none
 

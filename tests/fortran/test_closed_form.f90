@@ -4,10 +4,10 @@ program test_closed_form
   use assertions, only: tally_t
   use exact_reference, only: qp, seed, uniform, random_scene, table_scene, &
       quad_flank, quad_flow, amplification
-  use lapwing_closed_form, only: locate_panel, free_size
+  use lapwing_flow_exact_response, only: locate_panel, free_size
   use lapwing_kinds, only: wp
-  use lapwing_polynomial, only: max_degree, horner
-  use lapwing_smooth_curve, only: scene_t
+  use lapwing_polynomial_evaluation, only: max_degree, horner
+  use lapwing_flow_exact_motion, only: scene_t
   implicit none
 
   type(tally_t) :: tally

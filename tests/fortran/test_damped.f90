@@ -3,8 +3,8 @@
 program test_damped
   use, intrinsic :: iso_fortran_env, only: qp => real128
   use assertions, only: tally_t
-  use lapwing_damped, only: damped_t, damped, free_motion, free_matrix, near_matrix, &
-      taylor_row, n_taylor
+  use lapwing_flow_exact_oscillation, only: damped_t, damped, free_motion, free_matrix, &
+      near_matrix, taylor_row, n_taylor
   use lapwing_kinds, only: wp
   implicit none
 

@@ -2,13 +2,14 @@
 program test_event_search
   use assertions, only: tally_t
   use lapwing_codes, only: separation, engagement, no_flank, drive_flank, coast_flank
-  use lapwing_event_search, only: crossing_t, work_t, find_crossing, polish_crossing
+  use lapwing_flow_rk4_crossing, only: crossing_t, work_t, find_crossing, polish_crossing
   use lapwing_kinds, only: wp
-  use lapwing_oscillator, only: oscillator_t, oscillator
-  use lapwing_parameters, only: parameters_t
-  use lapwing_polynomial, only: horner, first_descent
-  use lapwing_rk4, only: rk4_step
-  use lapwing_starts, only: start_from
+  use lapwing_system_oscillator, only: oscillator_t, oscillator
+  use lapwing_system_parameters, only: parameters_t
+  use lapwing_polynomial_evaluation, only: horner
+  use lapwing_polynomial_roots, only: first_descent
+  use lapwing_flow_rk4_step, only: rk4_step
+  use lapwing_system_start, only: start_from
   use lapwing_system, only: instant_t, frame_t, motion_t, max_states
   use test_systems, only: ball_t, forced_mass_t
   implicit none

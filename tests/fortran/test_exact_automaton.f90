@@ -3,18 +3,18 @@
 program test_exact_automaton
   use assertions, only: tally_t
   use exact_reference, only: seed, uniform, chance, pick, random_table, random_series
-  use lapwing_automaton, only: advance
+  use lapwing_hybrid_automaton, only: advance
   use lapwing_codes, only: separation, engagement, law_restitution, law_compliant, law_rigid, &
       law_relative, law_absolute, gap_one_sided, gap_symmetric, gap_one_flank, method_exact, &
       event_kink, status_ok
-  use lapwing_event_search, only: work_t
-  use lapwing_advance, only: advance_any
-  use lapwing_exact_oscillator, only: exact_oscillator_t, exact_oscillator
+  use lapwing_flow_rk4_crossing, only: work_t
+  use lapwing_hybrid_advance, only: advance_any
+  use lapwing_flow_exact_exact_oscillator, only: exact_oscillator_t, exact_oscillator
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_kinds, only: wp
-  use lapwing_parameters, only: parameters_t
-  use lapwing_polynomial, only: max_degree
-  use lapwing_starts, only: start_at_rest, start_from
+  use lapwing_system_parameters, only: parameters_t
+  use lapwing_polynomial_evaluation, only: max_degree
+  use lapwing_system_start, only: start_at_rest, start_from
   implicit none
 
   type(tally_t) :: tally

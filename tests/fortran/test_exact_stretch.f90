@@ -5,12 +5,12 @@ program test_exact_stretch
   use exact_reference, only: qp, seed, uniform, chance, pick, random_scene, slow_scene, &
       table_scene, series_scene, quad_flow, amplification
   use lapwing_codes, only: no_flank, drive_flank, coast_flank
-  use lapwing_exact_contact, only: contact_end
-  use lapwing_exact_flight, only: end_t, flight_end, bounce, least_width
-  use lapwing_exact_inside, only: farthest, next_turn
+  use lapwing_flow_exact_contact, only: contact_end
+  use lapwing_flow_exact_flight, only: end_t, flight_end, bounce, least_width
+  use lapwing_flow_exact_extrema, only: farthest, next_turn
   use lapwing_kinds, only: wp
-  use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_launch, expand_fully
-  use lapwing_transmission_error, only: locate_piece
+  use lapwing_flow_exact_motion, only: scene_t, curve_t, launch, expand_launch, expand_fully
+  use lapwing_flank_table, only: locate_piece
   implicit none
 
   type(tally_t) :: tally

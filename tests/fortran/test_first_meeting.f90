@@ -3,15 +3,15 @@
 program test_first_meeting
   use assertions, only: tally_t
   use exact_reference, only: qp, seed, uniform, random_scene, amplification, longest_rate
-  use lapwing_closed_form, only: locate_panel
-  use lapwing_first_meeting, only: target_t, first_meeting, first_turn, quick_return, &
+  use lapwing_flow_exact_response, only: locate_panel
+  use lapwing_flow_exact_root_search, only: target_t, first_meeting, first_turn, quick_return, &
       only_zero
-  use lapwing_damped, only: n_taylor
+  use lapwing_flow_exact_oscillation, only: n_taylor
   use lapwing_kinds, only: wp
-  use lapwing_polynomial, only: max_degree, taylor_shift, bernstein_on
-  use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_fully, curve_at, &
+  use lapwing_polynomial_evaluation, only: max_degree, taylor_shift, bernstein_on
+  use lapwing_flow_exact_motion, only: scene_t, curve_t, launch, expand_fully, curve_at, &
       acceleration_at
-  use lapwing_transmission_error, only: locate_piece
+  use lapwing_flank_table, only: locate_piece
   implicit none
 
   type(tally_t) :: tally

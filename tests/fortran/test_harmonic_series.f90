@@ -3,8 +3,8 @@
 program test_harmonic_series
   use assertions, only: tally_t
   use exact_reference, only: qp, seed, uniform, random_series
-  use lapwing_harmonic_series, only: harmonic_series_t, harmonic_series, steady_response, &
-      series_at, expand_series, derivative_series, bound_derivative, fastest_rate, top_order
+  use lapwing_flank_series, only: harmonic_series_t, harmonic_series, steady_response, series_at, &
+      expand_series, derivative_series, bound_derivative, fastest_rate, top_order
   use lapwing_kinds, only: wp
   implicit none
 

@@ -4,19 +4,19 @@
 program test_plain_contact
   use assertions, only: tally_t
   use exact_reference, only: seed, uniform, chance, pick, random_table
-  use lapwing_automaton, only: advance
-  use lapwing_clearance, only: no_sooner
-  use lapwing_codes, only: separation, engagement, law_restitution, law_compliant, &
-      gap_one_sided, gap_symmetric, gap_one_flank, status_ok
-  use lapwing_event_search, only: crossing_t, work_t, find_crossing
-  use lapwing_advance, only: advance_any
-  use lapwing_flank_frames, only: open_in_contact, flank_in_frame, flank_over_step
+  use lapwing_hybrid_automaton, only: advance
+  use lapwing_system_clearance, only: no_sooner
+  use lapwing_codes, only: separation, engagement, law_restitution, law_compliant, gap_one_sided, &
+      gap_symmetric, gap_one_flank, status_ok
+  use lapwing_flow_rk4_crossing, only: crossing_t, work_t, find_crossing
+  use lapwing_hybrid_advance, only: advance_any
+  use lapwing_system_frames, only: open_in_contact, flank_in_frame, flank_over_step
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_kinds, only: wp
-  use lapwing_oscillator, only: oscillator_t, oscillator
-  use lapwing_parameters, only: parameters_t
-  use lapwing_plain_contact, only: step_in_contact
-  use lapwing_starts, only: start_from
+  use lapwing_system_oscillator, only: oscillator_t, oscillator
+  use lapwing_system_parameters, only: parameters_t
+  use lapwing_hybrid_plain_contact, only: step_in_contact
+  use lapwing_system_start, only: start_from
   use lapwing_system, only: instant_t, frame_t
   use test_systems, only: thorough_t
   implicit none

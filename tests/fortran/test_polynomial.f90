@@ -4,8 +4,9 @@ program test_polynomial
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use assertions, only: tally_t
   use lapwing_kinds, only: wp
-  use lapwing_polynomial, only: max_degree, horner, horner_slope, value_and_slope, jet, &
-      taylor_shift, bernstein, never_below, least, largest, first_zero, critical_points, lift_off
+  use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, value_and_slope, jet, &
+      taylor_shift, bernstein, never_below, least, largest
+  use lapwing_polynomial_roots, only: first_zero, critical_points, lift_off
   implicit none
 
   !> Rounding of a degree-five polynomial in Horner's scheme is at most 2*degree units of roundoff

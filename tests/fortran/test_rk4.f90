@@ -3,11 +3,11 @@ program test_rk4
   use assertions, only: tally_t
   use lapwing_kinds, only: wp, int64
   use lapwing_codes, only: separation, engagement, back_engagement
-  use lapwing_oscillator, only: oscillator_t, oscillator
-  use lapwing_parameters, only: parameters_t
-  use lapwing_polynomial, only: horner
-  use lapwing_rk4, only: rk4_step, rk4_move
-  use lapwing_starts, only: start_from
+  use lapwing_system_oscillator, only: oscillator_t, oscillator
+  use lapwing_system_parameters, only: parameters_t
+  use lapwing_polynomial_evaluation, only: horner
+  use lapwing_flow_rk4_step, only: rk4_step, rk4_move
+  use lapwing_system_start, only: start_from
   use lapwing_system, only: instant_t, frame_t, motion_t, max_states
   use test_systems, only: swirl_t, trees_t, dispatched_t
   implicit none

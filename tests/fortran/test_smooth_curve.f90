@@ -4,13 +4,12 @@ program test_smooth_curve
   use assertions, only: tally_t
   use exact_reference, only: qp, seed, uniform, chance, random_scene, quad_flow, &
       quad_acceleration, amplification
-  use lapwing_closed_form, only: locate_panel
+  use lapwing_flow_exact_response, only: locate_panel
   use lapwing_kinds, only: wp
-  use lapwing_polynomial, only: max_degree
-  use lapwing_smooth_curve, only: scene_t, curve_t, launch, expand_launch, expand_fully, &
-      curve_at, curve_taylor, &
-      acceleration_at
-  use lapwing_transmission_error, only: locate_piece
+  use lapwing_polynomial_evaluation, only: max_degree
+  use lapwing_flow_exact_motion, only: scene_t, curve_t, launch, expand_launch, expand_fully, &
+      curve_at, curve_taylor, acceleration_at
+  use lapwing_flank_table, only: locate_piece
   implicit none
 
   type(tally_t) :: tally

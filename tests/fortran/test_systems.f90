@@ -3,8 +3,8 @@
 module test_systems
   use lapwing_kinds, only: wp
   use lapwing_codes, only: separation, drive_flank, coast_flank
-  use lapwing_oscillator, only: oscillator_t
-  use lapwing_polynomial, only: max_degree
+  use lapwing_system_oscillator, only: oscillator_t
+  use lapwing_polynomial_evaluation, only: max_degree
   use lapwing_system, only: system_t, instant_t, frame_t, motion_t, max_states, dense_degree
   implicit none
   private

@@ -1,18 +1,18 @@
 !> The tangent map against finite differences of the automaton, one saltation matrix at a time.
 program test_tangent_map
   use assertions, only: tally_t
-  use lapwing_codes, only: separation, engagement, back_engagement, &
-      law_compliant, law_rigid, law_relative, law_absolute, status_ok
-  use lapwing_damped, only: damped
-  use lapwing_event_search, only: work_t
+  use lapwing_codes, only: separation, engagement, back_engagement, law_compliant, law_rigid, &
+      law_relative, law_absolute, status_ok
+  use lapwing_flow_exact_oscillation, only: damped
+  use lapwing_flow_rk4_crossing, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
   use lapwing_kinds, only: wp
-  use lapwing_oscillator, only: oscillator_t, oscillator
-  use lapwing_parameters, only: parameters_t
-  use lapwing_records, only: recorder_t, cycle_columns
+  use lapwing_system_oscillator, only: oscillator_t, oscillator
+  use lapwing_system_parameters, only: parameters_t
+  use lapwing_observers_records, only: recorder_t, cycle_columns
   use lapwing_run, only: run_to, deadline_in
-  use lapwing_starts, only: start_from
-  use lapwing_tangent_map, only: tangent_columns, impact_matrix
+  use lapwing_system_start, only: start_from
+  use lapwing_observers_tangent, only: tangent_columns, impact_matrix
   implicit none
 
   real(wp), parameter :: period = 4

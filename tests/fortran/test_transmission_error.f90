@@ -2,8 +2,8 @@
 program test_transmission_error
   use assertions, only: tally_t
   use lapwing_kinds, only: wp
-  use lapwing_polynomial, only: horner, horner_slope
-  use lapwing_transmission_error, only: te_table_t, te_table, locate_piece, piece_at, expand_at, &
+  use lapwing_polynomial_evaluation, only: horner, horner_slope
+  use lapwing_flank_table, only: te_table_t, te_table, locate_piece, piece_at, expand_at, &
       flank_motion_at
   implicit none
 

@@ -2,10 +2,10 @@
 !> row, coupled by a spring; the first one hits a wall.
 program test_two_masses
   use assertions, only: tally_t
-  use lapwing_automaton, only: advance
+  use lapwing_hybrid_automaton, only: advance
   use lapwing_codes, only: engagement, event_impact, event_engage, event_release, &
       event_chatter_end, status_ok
-  use lapwing_event_search, only: work_t
+  use lapwing_flow_rk4_crossing, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t, event_t
   use lapwing_kinds, only: wp
   use test_systems, only: two_masses_t

@@ -3,15 +3,15 @@
 !> the other.
 program follow_in_quadruple
   use lapwing_codes, only: method_rk4, status_ok
-  use lapwing_event_search, only: work_t
+  use lapwing_flow_rk4_crossing, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
   use lapwing_kinds, only: wp
-  use lapwing_method, only: moved_by
-  use lapwing_oscillator, only: oscillator_t
-  use lapwing_parameters, only: parameters_t
-  use lapwing_records, only: recorder_t, log_columns, cycle_columns
+  use lapwing_run_method, only: moved_by
+  use lapwing_system_oscillator, only: oscillator_t
+  use lapwing_system_parameters, only: parameters_t
+  use lapwing_observers_records, only: recorder_t, log_columns, cycle_columns
   use lapwing_run, only: run_to, deadline_in
-  use lapwing_starts, only: start_at_rest, start_from
+  use lapwing_system_start, only: start_at_rest, start_from
   implicit none
 
   !> A tenth of a million seconds: a case ends by its cycles.

@@ -1,7 +1,7 @@
 """How small deviations grow: Floquet multipliers and Lyapunov exponents through impacts.
 
 Both are made from the tangent maps of single mesh cycles that the engine records beside a motion
-(fortran/tangent_map.f90): matrices M of (φ, φ') from the beginning of a cycle to its end.
+(fortran/observers/tangent.f90): matrices M of (φ, φ') from the beginning of a cycle to its end.
 
 A complete chatter leaves one number of the two (the matrix has rank 1), a tooth at rest on a rigid
 flank none (rank 0).  What is lost has exponent -∞ and multiplier 0; no other number is given.

@@ -1,0 +1,243 @@
+!> Between the flat arrays of the API and the engine's types.
+module lapwing_api_marshal
+  use, intrinsic :: iso_c_binding, only: c_double, c_int
+  use lapwing_kinds, only: wp
+  use lapwing_codes, only: separation, engagement, back_engagement, no_flank, drive_flank, &
+      coast_flank, method_rk4, method_exact, law_restitution, law_compliant, law_rigid, &
+      law_relative, law_absolute, gap_one_sided, gap_symmetric, gap_one_flank, event_impact, &
+      event_release, event_engage, event_chatter_end, event_kink, event_near_graze, status_ok, &
+      status_too_many_events, status_too_many_steps, status_step_too_small, status_not_finite, &
+      status_unfinished, status_out_of_memory
+  use lapwing_flow_exact_oscillation, only: damped
+  use lapwing_flow_rk4_crossing, only: work_t
+  use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
+  use lapwing_run_method, only: moved_by, has_room
+  use lapwing_system_oscillator, only: oscillator_t
+  use lapwing_system_parameters, only: parameters_t
+  use lapwing_polynomial_evaluation, only: max_degree
+  use lapwing_observers_records, only: recorder_t, start_recording, log_columns, cycle_columns, &
+      sample_columns
+  use lapwing_run, only: run_to, deadline_in
+  use lapwing_system_start, only: start_as_told
+  use lapwing_run_checkpoint, only: blob_size, work_size, pack_blob, unpack_blob
+  use lapwing_run_sweep, only: sweep_t, line_t, sweep_lines, prepare_sweep, stage_done
+  use lapwing_observers_tangent, only: tangent_columns
+  use lapwing_flank_table, only: te_table_t, te_table, expand_at, locate_piece
+  implicit none
+  private
+  public :: all_sizes, all_codes, evaluate, go_on_with_trajectory, go_on_with_sweep
+
+  !> force, Omega, flank scale, peak-to-peak of g, xi, epsilon, theta0, rtol, chatter tolerance,
+  !> count depth, graze distance, slowest and fastest impact binned
+  integer, parameter :: n_reals = 13
+  !> contact law, impact law, gap, back_flank_te, largest numbers of events and of steps in a
+  !> cycle; events, impacts, grazes, strobe, cycles wanted; settling cycles, recorded cycles;
+  !> method; tangent maps wanted; whether repeated cycles are copied
+  integer, parameter :: n_choices = 16
+
+  integer(c_int), parameter :: all_sizes(8) = [blob_size, work_size, log_columns, cycle_columns, &
+      sample_columns, n_reals, n_choices, tangent_columns]
+  integer(c_int), parameter :: all_codes(34) = [separation, engagement, back_engagement, &
+      no_flank, drive_flank, coast_flank, event_impact, event_impact + 1, event_release, &
+      event_release + 1, event_engage, event_engage + 1, event_chatter_end, &
+      event_chatter_end + 1, event_kink, event_near_graze, event_near_graze + 1, &
+      law_restitution, law_compliant, law_rigid, law_relative, law_absolute, gap_one_sided, &
+      gap_symmetric, gap_one_flank, status_ok, status_too_many_events, status_too_many_steps, &
+      status_step_too_small, status_not_finite, status_unfinished, status_out_of_memory, &
+      method_rk4, method_exact]
+
+contains
+
+  !> g, g' and g'' of a scaled table.
+  subroutine evaluate(knots, coefficients, kinks, scale, period, t, g)
+    real(c_double), intent(in) :: knots(:)             !! mesh phase
+    real(c_double), intent(in) :: coefficients(:, :)   !! (6, n) rad per period**k
+    integer(c_int), intent(in) :: kinks(:)             !! 1: slope jump
+    real(c_double), intent(in) :: scale                !! g / transmission error
+    real(c_double), intent(in) :: period               !! mesh period in tau
+    real(c_double), intent(in) :: t(:)                 !! times
+    real(c_double), intent(out) :: g(:, :)             !! (3, n)
+    type(te_table_t) :: table
+    real(wp) :: local(0:max_degree)
+    integer :: i
+    table = te_table(knots, coefficients, kinks == 1, scale, period, 0.0_wp)
+    do i = 1, size(t)
+      call expand_at(table, locate_piece(table, t(i), 1), t(i), local)
+      g(:, i) = [local(0), local(1), 2*local(2)]
+    end do
+  end subroutine evaluate
+
+  pure function parameters_from(reals, choices) result(p)
+    real(c_double), intent(in) :: reals(:)        !! (n_reals)
+    integer(c_int), intent(in) :: choices(:)      !! (n_choices)
+    type(parameters_t) :: p
+    p%force = reals(1)
+    p%mesh_frequency_ratio = reals(2)
+    p%flank_scale = reals(3)
+    p%peak_to_peak = reals(4)
+    p%damping_ratio = reals(5)
+    p%restitution = reals(6)
+    p%backlash = reals(7)
+    p%tolerance = reals(8)
+    p%contact_law = choices(1)
+    p%impact_law = choices(2)
+    p%gap = choices(3)
+    p%back_flank_te = choices(4) == 1
+  end function parameters_from
+
+  pure function numerics_from(reals, choices) result(numerics)
+    real(c_double), intent(in) :: reals(:)        !! (n_reals)
+    integer(c_int), intent(in) :: choices(:)      !! (n_choices)
+    type(numerics_t) :: numerics
+    numerics%tolerance = reals(8)
+    numerics%chatter_tolerance = reals(9)
+    numerics%max_events_per_cycle = choices(5)
+    numerics%max_steps_per_cycle = choices(6)
+    numerics%method = choices(14)
+    numerics%copy_repeats = choices(16) == 1
+  end function numerics_from
+
+  function recorder_from(reals, choices) result(recorder)
+    real(c_double), intent(in) :: reals(:)        !! (n_reals)
+    integer(c_int), intent(in) :: choices(:)      !! (n_choices)
+    type(recorder_t) :: recorder
+    recorder%count_depth = reals(10)
+    recorder%graze_distance = reals(11)
+    recorder%density%low = reals(12)
+    recorder%density%high = reals(13)
+    recorder%want_events = choices(7) == 1
+    recorder%want_impacts = choices(8) == 1
+    recorder%want_grazes = choices(9) == 1
+    recorder%want_strobe = choices(10) == 1
+    recorder%want_cycles = choices(11) == 1
+    recorder%want_tangent = choices(15) == 1
+  end function recorder_from
+
+  !> See `api`.
+  subroutine go_on_with_trajectory(knots, coefficients, kinks, series, reals, choices, start, &
+      target, seconds, blob, sample_time, samples, log, cycles, tangent, done)
+    real(c_double), intent(in) :: knots(:)                          !! mesh phase
+    real(c_double), intent(in) :: coefficients(:, :)                !! (6, n)
+    integer(c_int), intent(in) :: kinks(:)                          !! 1: slope jump
+    real(c_double), intent(in) :: series(:, :)                      !! (3, terms), order -1: none
+    real(c_double), intent(in) :: reals(:)                          !! (n_reals)
+    integer(c_int), intent(in) :: choices(:)                        !! (n_choices)
+    real(c_double), intent(in) :: start(4)                          !! how to begin
+    real(c_double), intent(in) :: target(2)                         !! cycle, time in it
+    real(c_double), intent(in) :: seconds                           !! time for this call
+    real(c_double), intent(inout) :: blob(:)                        !! run under way
+    real(c_double), intent(in), target, contiguous :: sample_time(:, :)     !! (2, n)
+    real(c_double), intent(inout), target, contiguous :: samples(:, :)      !! (3, n)
+    real(c_double), intent(inout), target, contiguous :: log(:, :)          !! (6, room)
+    real(c_double), intent(inout), target, contiguous :: cycles(:, :)       !! (17, room)
+    real(c_double), intent(inout), target, contiguous :: tangent(:, :)      !! (13, room)
+    real(c_double), intent(out) :: done(8)                          !! how far it came
+    class(oscillator_t), allocatable :: system
+    type(numerics_t) :: numerics
+    type(hybrid_state_t) :: state
+    type(recorder_t) :: recorder
+    type(work_t) :: work
+    real(wp) :: phi, phi_dot
+    integer :: status
+    numerics = numerics_from(reals, choices)
+    done = 0
+    if (.not. has_room(numerics%method, parameters_from(reals, choices), knots, series, 1)) then
+      done(1) = status_out_of_memory
+      return
+    end if
+    call moved_by(numerics%method, parameters_from(reals, choices), knots, coefficients, &
+        kinks == 1, series, system)
+    recorder = recorder_from(reals, choices)
+    if (start(1) > -1.5_wp) then
+      state%instant = start_as_told(system, start)
+    else
+      call unpack_blob(blob, state, recorder%sums, work)
+      call start_recording(recorder)
+    end if
+    recorder%log => log
+    recorder%cycles => cycles
+    recorder%tangent => tangent
+    if (recorder%want_tangent) recorder%contact = damped(0.5_wp*system%damping)
+    ! f2py passes no empty array: a single sample before the first cycle means none.
+    if (sample_time(1, 1) >= 0) then
+      recorder%sample_time => sample_time
+      recorder%samples => samples
+    end if
+    call run_to(system, numerics, nint(target(1)), target(2), deadline_in(seconds), state, &
+        recorder, work, status)
+    call pack_blob(state, recorder%sums, work, blob)
+    call system%observe(state%instant, phi, phi_dot)
+    done = [real([status, recorder%sums%n_log, recorder%sums%n_cycles, state%instant%cycle], wp), &
+        state%instant%t, real(state%instant%motion_state, wp), phi, phi_dot]
+  end subroutine go_on_with_trajectory
+
+  !> Parameters that take as much memory as any point: the slowest mesh, the fastest damper.
+  pure function largest(reals)
+    real(c_double), intent(in) :: reals(:, :)     !! (n_reals, n_points)
+    real(c_double) :: largest(n_reals)
+    largest = reals(:, 1)
+    largest(2) = minval(reals(2, :))
+    largest(5) = maxval(reals(5, :))
+  end function largest
+
+  !> See `api`.
+  subroutine go_on_with_sweep(knots, coefficients, kinks, series, reals, choices, lines, starts, &
+      seconds, n_threads, blobs, cycles, tangent, density, log, outcome)
+    real(c_double), intent(in) :: knots(:)                          !! mesh phase
+    real(c_double), intent(in) :: coefficients(:, :)                !! (6, n)
+    integer(c_int), intent(in) :: kinks(:)                          !! 1: slope jump
+    real(c_double), intent(in) :: series(:, :)                      !! (3, terms), order -1: none
+    real(c_double), intent(in) :: reals(:, :)                       !! (n_reals, n_points)
+    integer(c_int), intent(in) :: choices(:)                        !! (n_choices)
+    integer(c_int), intent(inout) :: lines(:, :)                    !! (5, n_lines)
+    real(c_double), intent(in) :: starts(:, :)                      !! (4, n_lines)
+    real(c_double), intent(in) :: seconds                           !! time for this call
+    integer(c_int), intent(in) :: n_threads                         !! threads
+    real(c_double), intent(inout) :: blobs(:, :)                    !! runs under way
+    real(c_double), intent(inout), target, contiguous :: cycles(:, :, :)   !! (17, record, points)
+    real(c_double), intent(inout), target, contiguous :: tangent(:, :, :)  !! (13, record, points)
+    real(c_double), intent(inout), target, contiguous :: density(:, :)     !! (bins, points) or 1
+    real(c_double), intent(inout), target, contiguous :: log(:, :, :)      !! (6, room, points)
+    real(c_double), intent(inout), target, contiguous :: outcome(:, :)     !! (columns, points)
+    type(sweep_t) :: sweep
+    type(line_t), allocatable :: line(:)
+    integer :: i, error
+    allocate (sweep%point(size(reals, 2)), stat=error)
+    if (error == 0) allocate (line(size(lines, 2)), stat=error)
+    if (error == 0) then
+      ! One for each thread and the one they begin with.
+      sweep%numerics = numerics_from(reals(:, 1), choices)
+      if (.not. has_room(sweep%numerics%method, parameters_from(largest(reals), choices), knots, &
+          series, n_threads + 1)) error = 1
+    end if
+    if (error /= 0) then
+      where (outcome(1, :) == status_unfinished) outcome(1, :) = status_out_of_memory
+      lines(5, :) = stage_done
+      return
+    end if
+    do i = 1, size(reals, 2)
+      sweep%point(i) = parameters_from(reals(:, i), choices)
+    end do
+    sweep%knots = knots
+    sweep%coefficients = coefficients
+    sweep%kinks = kinks == 1
+    sweep%series = series
+    sweep%recorder = recorder_from(reals(:, 1), choices)
+    sweep%settle = choices(12)
+    sweep%record = choices(13)
+    sweep%cycles => cycles
+    sweep%tangent => tangent
+    if (size(density, 1) > 1) sweep%density => density
+    sweep%log => log
+    sweep%outcome => outcome
+    do i = 1, size(line)
+      line(i) = line_t(lines(1, i), lines(2, i), lines(3, i) == 1, lines(4, i), lines(5, i), &
+          starts(:, i))
+    end do
+    call prepare_sweep(sweep)
+    call sweep_lines(sweep, line, blobs, deadline_in(seconds), n_threads)
+    do i = 1, size(line)
+      lines(4:5, i) = [line(i)%point, line(i)%stage]
+    end do
+  end subroutine go_on_with_sweep
+end module lapwing_api_marshal

@@ -1,0 +1,335 @@
+!> How a contact ends in closed form: by release, or at a given time. No release is missed.
+!>
+!> All that is left of a contact is ruled out by the size of the free oscillation in it, a panel by
+!> Bernstein coefficients computed beforehand; `lapwing_flow_exact_root_search` looks closely at the
+!> rest.
+module lapwing_flow_exact_contact
+  use lapwing_kinds, only: wp
+  use lapwing_codes, only: drive_flank
+  use lapwing_flow_exact_response, only: locate_panel, free_size, launch_order, reach
+  use lapwing_flow_exact_oscillation, only: free_motion, n_taylor
+  use lapwing_flow_exact_flight, only: end_t
+  use lapwing_flow_exact_root_search, only: target_t, first_meeting, quick_return, only_zero
+  use lapwing_flow_exact_panel_series, only: free_in_middle, contact_series
+  use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, bernstein_on, least
+  use lapwing_flow_exact_slow_contact, only: slow_meeting
+  use lapwing_flow_exact_motion, only: scene_t, curve_t, launch, expand_launch, expand_fully, &
+      curve_at, free_state, rest_after
+  implicit none
+  private
+  public :: contact_end
+
+  !> Panels over which a free oscillation is carried from one to the next without harm by rounding.
+  integer, parameter :: well_rounded = 4
+
+contains
+
+  !> End of a contact: release, or the stop; in a graded scene it may end before, of nothing.
+  pure subroutine contact_end(scene, curve, flank, touching, stop, at)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(inout) :: curve      !! stretch; told from a later knot where that is near
+    integer, intent(in) :: flank               !! flank in contact
+    logical, intent(in) :: touching            !! whether it begins at zero and goes in
+    real(wp), intent(in) :: stop               !! latest end
+    type(end_t), intent(out) :: at             !! the end
+    type(target_t) :: goal
+    integer :: panel
+    logical :: found
+    real(wp) :: s, elapsed, last
+    goal%sign = merge(1.0_wp, -1.0_wp, flank == drive_flank)
+    goal%touching = touching
+    panel = 0
+    elapsed = 0
+    last = stop
+    found = .false.
+    if (scene%form%graded) then
+      call graded_contact_end(scene, curve, goal, flank, stop, at)
+      return
+    end if
+    if (.not. stays(scene, curve%moving, goal%sign, curve%free)) then
+      if (touching) then
+        call expand_launch(scene, curve)
+        call short_contact(curve, goal%sign, stop, found, s)
+      end if
+      if (found) then
+        panel = locate_panel(scene%form, curve%t)
+        call curve_at(scene, curve, panel, s, at%x, at%v)
+      else
+        call cross_near_knots(scene, goal, stop, curve, elapsed, last, found, s, at%x, at%v)
+      end if
+      if (.not. found) then
+        call release(scene, curve, goal, last, panel, found, s, at%x, at%v)
+      end if
+    end if
+    if (found) then
+      at%flank = flank
+      at%s = elapsed + s
+    else
+      at%s = stop
+      if (panel == 0) panel = last_panel(scene, curve%t + last)
+      call curve_at(scene, curve, panel, last, at%x, at%v)
+    end if
+  end subroutine contact_end
+
+  !> The same in a graded scene. A table's contact stops at the next knot, and no bound of q holds
+  !> for longer.
+  pure subroutine graded_contact_end(scene, curve, goal, flank, stop, at)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(inout) :: curve      !! stretch
+    type(target_t), intent(in) :: goal         !! release
+    integer, intent(in) :: flank               !! flank in contact
+    real(wp), intent(in) :: stop               !! latest end
+    type(end_t), intent(out) :: at             !! the end
+    integer :: panel
+    logical :: found, surely
+    surely = .false.
+    if (scene%form%harmonic) surely = stays(scene, curve%moving, goal%sign, curve%free)
+    panel = last_panel(scene, curve%t + stop)
+    at%s = stop
+    if (.not. surely) then
+      call expand_fully(scene, curve)
+      found = .false.
+      if (goal%touching) call short_contact(curve, goal%sign, stop, found, at%s)
+      panel = locate_panel(scene%form, curve%t)
+      if (.not. found) call slow_meeting(scene, curve, goal, 0.0_wp, stop, panel, found, at%s)
+      if (found) at%flank = flank
+    end if
+    call curve_at(scene, curve, panel, at%s, at%x, at%v)
+  end subroutine graded_contact_end
+
+  !> A time that is a panel's edge but for rounding, put onto it.
+  pure real(wp) function at_edge(scene, t, s) result(time)
+    type(scene_t), intent(in) :: scene         !! scene
+    real(wp), intent(in) :: t                  !! time in the cycle
+    real(wp), intent(in) :: s                  !! time after it
+    integer :: panel
+    real(wp) :: edge
+    panel = last_panel(scene, t + s)
+    edge = scene%form%edge(panel + 1)
+    time = s
+    if (abs((t + s) - edge) <= 2*spacing(scene%form%period)) time = edge - t
+  end function at_edge
+
+  !> A contact that begins just before a knot of a table goes on from there with a series of its
+  !> own, so that it keeps its relative precision while it is small.
+  pure subroutine cross_near_knots(scene, goal, stop, curve, elapsed, last, found, s, x, v)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(target_t), intent(inout) :: goal      !! release
+    real(wp), intent(in) :: stop               !! latest end
+    type(curve_t), intent(inout) :: curve      !! stretch, told from the last knot crossed
+    real(wp), intent(out) :: elapsed           !! time until that
+    real(wp), intent(out) :: last              !! latest end after it
+    logical, intent(out) :: found              !! whether the release comes before it
+    real(wp), intent(out) :: s                 !! when, after `elapsed`
+    real(wp), intent(out) :: x, v              !! position and velocity then
+    real(wp) :: knot
+    integer :: piece
+    elapsed = 0
+    last = stop
+    found = .false.
+    s = 0
+    x = 0
+    v = 0
+    if (scene%form%harmonic .or. .not. curve%moving) return
+    do
+      piece = curve%piece + 1
+      knot = scene%table%knot(piece) - curve%t
+      if (elapsed + knot >= reach(launch_order)/scene%form%fastest .or. knot >= last) return
+      if (piece > scene%table%n) return
+      call expand_fully(scene, curve)
+      call first_meeting(scene, curve, locate_panel(scene%form, curve%t), .false., goal, 0.0_wp, &
+          knot, found, s, x, v)
+      if (found) return
+      x = horner(curve%taylor(:curve%degree), knot)
+      v = horner_slope(curve%taylor(:curve%degree), knot) - scene%table%slope_jump(piece)
+      elapsed = elapsed + knot
+      goal%touching = .false.
+      call launch(scene, .true., .true., scene%table%knot(piece), piece, x, v, curve)
+      call expand_fully(scene, curve)
+      last = at_edge(scene, curve%t, stop - elapsed)
+    end do
+  end subroutine cross_near_knots
+
+  !> Panel that holds t, or ends there as far as time can tell.
+  pure integer function last_panel(scene, t) result(panel)
+    type(scene_t), intent(in) :: scene         !! scene
+    real(wp), intent(in) :: t                  !! time in the cycle
+    panel = locate_panel(scene%form, t)
+    if (panel == 1) return
+    if (t <= scene%form%edge(panel) + 2*spacing(scene%form%period)) panel = panel - 1
+  end function last_panel
+
+  !> Whether the free oscillation is too small to let the tooth off, now and for ever.
+  pure logical function stays(scene, moving, sign, free)
+    type(scene_t), intent(in) :: scene         !! scene
+    logical, intent(in) :: moving              !! whether the flank moves with g
+    real(wp), intent(in) :: sign               !! +1 at the drive flank, -1 at the coast flank
+    real(wp), intent(in) :: free(2)            !! d and d'
+    real(wp) :: margin
+    margin = sign*scene%force
+    if (moving) margin = margin + merge(scene%form%q_low, -scene%form%q_high, sign > 0)
+    stays = margin > 0 .and. free(1)**2 + free(2)**2 < margin**2
+  end function stays
+
+  !> A contact too short for the spring to matter: the way in and out again.
+  pure subroutine short_contact(curve, sign, stop, found, s)
+    type(curve_t), intent(in) :: curve         !! stretch, its series known
+    real(wp), intent(in) :: sign               !! +1 at the drive flank, -1 at the coast flank
+    real(wp), intent(in) :: stop               !! latest end
+    logical, intent(out) :: found              !! whether it is one
+    real(wp), intent(out) :: s                 !! its end
+    found = .false.
+    s = 0
+    if (1.5_wp*abs(curve%v) > curve%near*abs(curve%taylor(2))) return
+    call quick_return(-sign*curve%taylor(2:curve%degree), sign*curve%v, &
+        min(stop, curve%near), found, s)
+  end subroutine short_contact
+
+  !> Release of a contact, panel by panel.
+  pure subroutine release(scene, curve, goal, stop, panel, found, s, x, v)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(inout) :: curve      !! stretch
+    type(target_t), intent(in) :: goal         !! release
+    real(wp), intent(in) :: stop               !! latest end
+    integer, intent(out) :: panel              !! panel of the end
+    logical, intent(out) :: found              !! whether there is one
+    real(wp), intent(out) :: s                 !! when
+    real(wp), intent(out) :: x, v              !! position and velocity then
+    real(wp) :: from, to, free(2), size_before, b(0:max_degree), rest
+    integer :: first
+    logical :: out, settled, touching
+    associate (form => scene%form)
+      panel = locate_panel(form, curve%t)
+      first = panel
+      free = free_in_middle(scene, curve, panel)
+      touching = goal%touching
+      from = 0
+      found = .false.
+      do
+        to = min(form%edge(panel + 1) - curve%t, stop)
+        call bound_contact(scene, curve%moving, goal%sign, panel, free, b, rest)
+        ! A panel's bound holds before the launch, too, where it may be no contact at all.
+        out = least(b) > rest
+        if (touching) out = leaves(scene, curve, panel, goal%sign, to)
+        if (.not. out) then
+          settled = .false.
+          if (from > 0 .or. curve%t == form%edge(panel)) call only_release(scene, curve, panel, &
+              panel - first, goal%sign, free, b, rest, to, settled, found, s, x, v)
+          if (.not. settled) then
+            call expand_fully(scene, curve)
+            call first_meeting(scene, curve, panel, from > 0, &
+                target_t(goal%sign, goal%wall, touching), from, to, found, s, x, v)
+          end if
+        end if
+        if (found .or. to >= stop .or. panel == form%n) return
+        if (stays(scene, curve%moving, goal%sign, free)) then
+          panel = 0
+          return
+        end if
+        size_before = free_size(free)
+        free = form%panel(panel)%d_matrix(:, 1)*free(1) + form%panel(panel)%d_matrix(:, 2)*free(2)
+        touching = .false.
+        panel = panel + 1
+        if (scene%blocks%panels > 0) then
+          call pass_blocks(scene, curve%moving, goal%sign, size_before, panel, free)
+          ! What is passed may hold the stop.
+          if (form%edge(panel) - curve%t >= stop .or. panel > form%n) then
+            panel = 0
+            return
+          end if
+        end if
+        from = form%edge(panel) - curve%t
+      end do
+    end associate
+  end subroutine release
+
+  !> From a panel that begins a block past all blocks over which the free oscillation, which never
+  !> grows, is too small to let the tooth off.
+  pure subroutine pass_blocks(scene, moving, sign, size_before, panel, free)
+    type(scene_t), intent(in) :: scene         !! scene
+    logical, intent(in) :: moving              !! whether the flank moves with g
+    real(wp), intent(in) :: sign               !! +1 at the drive flank, -1 at the coast flank
+    real(wp), intent(in) :: size_before        !! size of the free oscillation, earlier
+    integer, intent(inout) :: panel            !! panel, then the one to be looked at next, or n + 1
+    real(wp), intent(inout) :: free(2)         !! d and d' in its middle
+    real(wp) :: margin
+    associate (blocks => scene%blocks)
+      do while (mod(panel - 1, blocks%panels) == 0 .and. panel <= scene%form%n)
+        associate (block => blocks%over((panel - 1)/blocks%panels + 1))
+          margin = sign*scene%force
+          if (moving) margin = margin + merge(block%q_low, -block%q_high, sign > 0)
+          if (size_before >= margin) return
+          free = block%d_matrix(:, 1)*free(1) + block%d_matrix(:, 2)*free(2)
+        end associate
+        panel = min(panel + blocks%panels, scene%form%n + 1)
+      end do
+    end associate
+  end subroutine pass_blocks
+
+  !> Bernstein coefficients of sign*x over a panel, and a bound of what they leave out.
+  pure subroutine bound_contact(scene, moving, sign, panel, free, b, rest)
+    type(scene_t), intent(in) :: scene         !! scene
+    logical, intent(in) :: moving              !! whether the flank moves with g
+    real(wp), intent(in) :: sign               !! +1 at the drive flank, -1 at the coast flank
+    integer, intent(in) :: panel               !! panel
+    real(wp), intent(in) :: free(2)            !! d and d' in its middle
+    real(wp), intent(out) :: b(0:max_degree)   !! coefficients
+    real(wp), intent(out) :: rest              !! bound
+    associate (here => scene%form%panel(panel))
+      b = scene%force + here%d_bernstein(:, 1)*free(1) + here%d_bernstein(:, 2)*free(2)
+      rest = here%d_rest*(abs(free(1)) + abs(free(2)))
+      if (moving) then
+        b = b + here%q_bernstein
+        rest = rest + here%q_rest
+      end if
+      b = sign*b
+    end associate
+  end subroutine bound_contact
+
+  !> Whether a contact that begins at zero lasts at least until `to`: its distance over the time
+  !> stays positive.
+  pure logical function leaves(scene, curve, panel, sign, to)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch, its series known
+    integer, intent(in) :: panel               !! panel that holds it until `to`
+    real(wp), intent(in) :: sign               !! +1 at the drive flank, -1 at the coast flank
+    real(wp), intent(in) :: to                 !! time since its beginning
+    real(wp) :: c(0:max_degree)
+    c = sign*[curve%taylor(1:max_degree), 0.0_wp]
+    leaves = least(bernstein_on(c, to)) > rest_after(scene, curve, panel, 0.0_wp) &
+        *to**max_degree
+  end function leaves
+
+  !> The one release within a panel, where it is plain that there is just one.
+  pure subroutine only_release(scene, curve, panel, passed, sign, free, b, rest, to, settled, &
+      found, s, x, v)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch
+    integer, intent(in) :: panel               !! panel
+    integer, intent(in) :: passed              !! panels since the launch
+    real(wp), intent(in) :: sign               !! +1 at the drive flank, -1 at the coast flank
+    real(wp), intent(in) :: free(2)            !! d and d' in its middle
+    real(wp), intent(in) :: b(0:max_degree)    !! Bernstein coefficients of sign*x
+    real(wp), intent(in) :: rest               !! bound of what they leave out
+    real(wp), intent(in) :: to                 !! time up to which it counts
+    logical, intent(out) :: settled            !! whether it is plain
+    logical, intent(out) :: found              !! whether it lies before `to`
+    real(wp), intent(out) :: s                 !! when
+    real(wp), intent(out) :: x, v              !! position and velocity then
+    real(wp) :: c(0:n_taylor), d, e, middle, state(2)
+    middle = scene%form%panel(panel)%middle - curve%t
+    state = free
+    if (passed > well_rounded) then
+      call free_motion(scene%form%damping, middle, d, e)
+      state = free_state(scene%form, curve%free, d, e)
+    end if
+    call contact_series(scene, curve%moving, panel, state, c)
+    call only_zero(sign*c, scene%form%panel(panel)%half, b, rest, settled, s, v)
+    s = middle + s
+    x = 0
+    v = sign*v
+    ! So near to the launch its own series is better.
+    settled = settled .and. s > reach(launch_order)/scene%form%fastest
+    found = settled .and. s <= to
+  end subroutine only_release
+end module lapwing_flow_exact_contact

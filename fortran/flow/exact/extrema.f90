@@ -1,0 +1,281 @@
+!> What observers ask of a stretch in closed form: where it turns, and how far it goes.
+module lapwing_flow_exact_extrema
+  use lapwing_kinds, only: wp
+  use lapwing_flow_exact_response, only: locate_panel, free_size
+  use lapwing_flow_exact_root_search, only: first_turn
+  use lapwing_flow_exact_oscillation, only: n_taylor
+  use lapwing_flow_exact_slow_contact, only: slow_turn, slow_farthest
+  use lapwing_flow_exact_panel_series, only: flight_series, flight_on_piece, range_of_flight
+  use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, bernstein_on, largest
+  use lapwing_polynomial_roots, only: critical_points
+  use lapwing_flow_exact_motion, only: scene_t, curve_t, curve_at, curve_taylor, fly_from
+  implicit none
+  private
+  public :: next_turn, farthest
+
+  integer, parameter :: max_newton = 8
+  !> A turn found to this part of an interval is exact to rounding in the value there.
+  real(wp), parameter :: close_enough = 1.0e-9_wp
+
+contains
+
+  !> First time after `from`, which is zero or such a time itself, where the velocity relative to
+  !> the flank changes sign.
+  pure subroutine next_turn(scene, curve, from, until, found, s)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch, its series known
+    real(wp), intent(in) :: from, until        !! times since its beginning
+    logical, intent(out) :: found              !! whether there is one
+    real(wp), intent(out) :: s                 !! when
+    real(wp) :: begin, finish
+    integer :: panel
+    if (curve%contact .and. scene%form%graded) then
+      call slow_turn(scene, curve, from, until, found, s)
+      return
+    end if
+    panel = locate_panel(scene%form, curve%t + from)
+    begin = from
+    do
+      finish = min(scene%form%edge(panel + 1) - curve%t, until)
+      call first_turn(scene, curve, panel, begin > 0 .and. begin == from, begin, finish, found, s)
+      found = found .and. s > from .and. s < until
+      if (found .or. finish >= until .or. panel == scene%form%n) return
+      begin = finish
+      panel = panel + 1
+    end do
+  end subroutine next_turn
+
+  !> Largest sign*x over a stretch, if it exceeds `least`; else `least`.
+  pure real(wp) function farthest(scene, curve, sign, until, least)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch, its series known
+    real(wp), intent(in) :: sign               !! +1: the largest x, -1: the smallest
+    real(wp), intent(in) :: until              !! end of the stretch
+    real(wp), intent(in) :: least              !! value known already
+    logical :: told
+    if (.not. curve%contact) then
+      if (.not. (scene%form%harmonic .and. curve%moving)) then
+        farthest = farthest_over_pieces(scene, curve, sign, until, least)
+        return
+      end if
+      if (until <= curve%near) then
+        farthest = max(least, sign*curve%x)
+        call raise(sign*curve%taylor(0:curve%degree), 0.0_wp, until, farthest, told)
+        if (told) return
+      end if
+    end if
+    if (curve%contact .and. scene%form%graded) then
+      farthest = slow_farthest(scene, curve, sign, until, least)
+    else
+      farthest = farthest_over_panels(scene, curve, sign, until, least)
+    end if
+  end function farthest
+
+  !> Raise `most` to the largest value of a polynomial on an interval, if its second derivative
+  !> keeps its sign there: then it turns once or not at all.
+  pure subroutine raise(c, from, to, most, told)
+    real(wp), intent(in) :: c(0:)              !! coefficients
+    real(wp), intent(in) :: from, to           !! interval
+    real(wp), intent(inout) :: most            !! largest value
+    logical, intent(out) :: told               !! whether it does
+    real(wp) :: tail, power, s, step, reach, slope(0:ubound(c, 1) - 1)
+    integer :: k, i
+    reach = max(abs(from), abs(to))
+    tail = 0
+    power = reach
+    do k = 3, ubound(c, 1)
+      tail = tail + (k*(k - 1))*abs(c(k))*power
+      power = power*reach
+    end do
+    told = tail < abs(c(2))
+    if (.not. told) return
+    most = max(most, horner(c, from), horner(c, to))
+    if (c(2) >= 0 .or. horner_slope(c, from) <= 0 .or. horner_slope(c, to) >= 0) return
+    slope = [(k*c(k), k = 1, ubound(c, 1))]
+    s = min(max(-c(1)/(2*c(2)), from), to)
+    ! What is left of the turn counts only squared.
+    do i = 1, max_newton
+      step = -horner(slope, s)/horner_slope(slope, s)
+      s = min(max(s + step, from), to)
+      if (abs(step) <= close_enough*(to - from)) exit
+    end do
+    most = max(most, horner(c, s))
+  end subroutine raise
+
+  !> In flight over table pieces, or over a flank that stands: polynomials of degree five.
+  pure real(wp) function farthest_over_pieces(scene, curve, sign, until, least) result(most)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch, its series known
+    real(wp), intent(in) :: sign               !! +1: the largest x, -1: the smallest
+    real(wp), intent(in) :: until              !! end of the stretch
+    real(wp), intent(in) :: least              !! value known already
+    real(wp) :: c(0:max_degree), begin, to, x, v
+    integer :: piece
+    most = max(least, sign*curve%x)
+    c = curve%taylor(0:max_degree)
+    piece = curve%piece
+    begin = 0
+    do
+      to = until
+      if (curve%moving) to = min(scene%table%knot(piece + 1) - curve%t, until)
+      call raise_on_piece(sign*c, to - begin, most)
+      if (to >= until .or. piece == scene%table%n) return
+      x = horner(c, to - begin)
+      v = horner_slope(c, to - begin)
+      begin = to
+      piece = piece + 1
+      ! Off kinks the jump is rounding, but left out it would add up to a mean force.
+      c = flight_on_piece(scene, piece, x, v - scene%table%slope_jump(piece))
+    end do
+  end function farthest_over_pieces
+
+  !> Raise `most` to the largest value of a polynomial on [0, length].
+  pure subroutine raise_on_piece(c, length, most)
+    real(wp), intent(in) :: c(0:max_degree)    !! coefficients
+    real(wp), intent(in) :: length             !! interval
+    real(wp), intent(inout) :: most            !! largest value
+    real(wp) :: at(max_degree)
+    integer :: i, n
+    logical :: told
+    if (largest(bernstein_on(c, length)) <= most) return
+    call raise(c, 0.0_wp, length, most, told)
+    if (told) return
+    most = max(most, c(0), horner(c, length))
+    call critical_points(c, length, n, at)
+    do i = 1, n
+      most = max(most, horner(c, at(i)))
+    end do
+  end subroutine raise_on_piece
+
+  !> In contact, or in flight over a series.
+  !>
+  !> Panels are bounded by their Bernstein coefficients, blocks of panels by ranges; only those that
+  !> could hold a larger value than the ends of all of them are searched.
+  pure real(wp) function farthest_over_panels(scene, curve, sign, until, least) result(most)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch, its series known
+    real(wp), intent(in) :: sign               !! +1: the largest x, -1: the smallest
+    real(wp), intent(in) :: until              !! end of the stretch
+    real(wp), intent(in) :: least              !! value known already
+    real(wp) :: begin, finish
+    integer :: panel, last
+    most = max(least, sign*curve%x)
+    call look_at_ends(scene, curve, sign, until, most)
+    panel = locate_panel(scene%form, curve%t)
+    begin = 0
+    do
+      last = last_of_block(scene, panel)
+      finish = min(scene%form%edge(last + 1) - curve%t, until)
+      if (last > panel) then
+        if (block_bound(scene, curve, sign, panel, begin, finish) > most) then
+          last = panel
+          finish = min(scene%form%edge(last + 1) - curve%t, until)
+        end if
+      end if
+      if (last == panel) call search_panel(begin, finish)
+      if (finish >= until .or. last == scene%form%n) return
+      begin = finish
+      panel = last + 1
+    end do
+  contains
+    !> Part of a panel: where it could hold a larger value, its turns.
+    pure subroutine search_panel(lower, upper)
+      real(wp), intent(in) :: lower, upper   !! part of the panel
+      real(wp) :: from, s, at, rate, c(0:max_degree), rest
+      real(wp) :: series(0:n_taylor), middle
+      logical :: found
+      if (.not. curve%contact .and. lower > curve%near) then
+        associate (here => scene%form%panel(panel))
+          at = flight_bound(scene, curve, sign, lower, upper, here%g_low, here%g_high)
+          if (at <= most) return
+          call flight_series(scene, curve, panel, sign, 0.0_wp, series)
+          middle = here%middle - curve%t
+        end associate
+        call raise(series, lower - middle, upper - middle, most, found)
+        if (found) return
+      end if
+      call curve_taylor(scene, curve, panel, lower > 0, lower, c, rest)
+      if (maxval(bernstein_on(sign*c, upper - lower)) + rest*(upper - lower)**(max_degree + 1) &
+          <= most) return
+      from = lower
+      do
+        call first_turn(scene, curve, panel, from > lower, from, upper, found, s)
+        if (.not. found .or. s <= from) return
+        call curve_at(scene, curve, panel, s, at, rate)
+        most = max(most, sign*at)
+        from = s
+      end do
+    end subroutine search_panel
+  end function farthest_over_panels
+
+  !> Raise `most` to the largest sign*x at the ends of blocks, or of panels where there are none.
+  pure subroutine look_at_ends(scene, curve, sign, until, most)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch, its series known
+    real(wp), intent(in) :: sign               !! +1 or -1
+    real(wp), intent(in) :: until              !! end of the stretch
+    real(wp), intent(inout) :: most            !! largest value
+    real(wp) :: finish, x, v
+    integer :: last
+    last = locate_panel(scene%form, curve%t)
+    do
+      last = last_of_block(scene, last)
+      finish = scene%form%edge(last + 1) - curve%t
+      if (finish >= until) exit
+      if (.not. curve%contact .and. finish > curve%near) then
+        call fly_from(scene, curve, finish, scene%form%g_taylor(0, last + 1), &
+            scene%form%g_taylor(1, last + 1), x, v)
+      else
+        call curve_at(scene, curve, last, finish, x, v)
+      end if
+      most = max(most, sign*x)
+      if (last == scene%form%n) return
+      last = last + 1
+    end do
+    last = min(last, locate_panel(scene%form, curve%t + until))
+    call curve_at(scene, curve, last, until, x, v)
+    most = max(most, sign*x)
+  end subroutine look_at_ends
+
+  !> Last panel of the block that a panel begins, or the panel itself.
+  pure integer function last_of_block(scene, panel) result(last)
+    type(scene_t), intent(in) :: scene         !! scene
+    integer, intent(in) :: panel               !! panel
+    last = panel
+    if (scene%blocks%panels == 0) return
+    if (mod(panel - 1, scene%blocks%panels) /= 0) return
+    last = min(panel + scene%blocks%panels - 1, scene%form%n)
+  end function last_of_block
+
+  !> Upper bound of sign*x over a block, in flight from ranges of g and of the parabola, in contact
+  !> from the range of the response and the size of the free oscillation, which never grows.
+  pure real(wp) function block_bound(scene, curve, sign, panel, begin, finish) result(bound)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch
+    real(wp), intent(in) :: sign               !! +1 or -1
+    integer, intent(in) :: panel               !! first panel of the block
+    real(wp), intent(in) :: begin, finish      !! times since the stretch began
+    associate (block => scene%blocks%over((panel - 1)/scene%blocks%panels + 1))
+      if (curve%contact) then
+        bound = sign*scene%force + free_size(curve%free)
+        if (curve%moving) bound = bound + merge(block%q_high, -block%q_low, sign > 0)
+      else
+        bound = flight_bound(scene, curve, sign, begin, finish, block%g_low, block%g_high)
+      end if
+    end associate
+  end function block_bound
+
+  !> The same in flight, from the range of g there.
+  pure real(wp) function flight_bound(scene, curve, sign, begin, finish, g_low, g_high) &
+      result(bound)
+    type(scene_t), intent(in) :: scene         !! scene
+    type(curve_t), intent(in) :: curve         !! stretch
+    real(wp), intent(in) :: sign               !! +1 or -1
+    real(wp), intent(in) :: begin, finish      !! times since the stretch began
+    real(wp), intent(in) :: g_low, g_high      !! range of g between them
+    real(wp) :: low, high
+    call range_of_flight(scene, curve, begin, finish, low, high)
+    bound = merge(high, -low, sign > 0)
+    if (curve%moving) bound = bound + merge(-g_low, g_high, sign > 0)
+  end function flight_bound
+end module lapwing_flow_exact_extrema

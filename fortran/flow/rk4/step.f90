@@ -1,0 +1,107 @@
+!> The step formula: classical fourth-order Runge-Kutta with step doubling, its error estimate and
+!> its dense output.
+!>
+!> A step of length h is two classical steps of h/2. A single classical step of h beside them tells
+!> their error, (fine - coarse)/15, to leading order whatever the system (Richardson; Hairer,
+!> Norsett and Wanner, Solving Ordinary Differential Equations I, section II.4). The error is
+!> added to the result, which then is of fifth order; the tolerance is held by the error before
+!> that. Figures against other fourth-order formulas: docs/method.md.
+module lapwing_flow_rk4_step
+  use lapwing_kinds, only: wp
+  use lapwing_flow_rk4_step_control, only: error_ratio
+  use lapwing_system, only: system_t, frame_t, motion_t, step_t, max_states
+  implicit none
+  private
+  public :: ratio_in_contact, rk4_step, rk4_move, read_step
+
+  !> An estimate below the rounding of its own sum says nothing: in a flight, where the formula is
+  !> exact, it would otherwise shorten the steps.
+  real(wp), parameter :: rounding = 16*epsilon(1.0_wp)
+
+contains
+
+  !> One step of length h with dense output and error estimate.
+  subroutine rk4_step(system, frame, motion_state, h, z, motion, z_end, error)
+    class(system_t), intent(in) :: system         !! what moves
+    type(frame_t), intent(in) :: frame            !! frame as opened
+    integer, intent(in) :: motion_state           !! motion state
+    real(wp), intent(in) :: h                     !! step
+    real(wp), intent(in) :: z(max_states)         !! local coordinates at s = 0
+    type(motion_t), intent(inout) :: motion       !! the step as a polynomial
+    real(wp), intent(out) :: z_end(max_states)    !! local coordinates at s = h
+    real(wp), intent(out) :: error(max_states)    !! estimated error of each coordinate
+    type(step_t) :: step
+    integer :: i
+    call system%stages(frame, motion_state, h, z, .true., step)
+    motion%h = h
+    do i = 1, system%n_states
+      call read_step(step, h, z(i), i, motion%dense(:, i), error(i))
+      z_end(i) = step%end(i)
+    end do
+  end subroutine rk4_step
+
+  !> Dense output of one coordinate, and the estimate of its error.
+  pure subroutine read_step(step, h, begin, i, dense, error)
+    type(step_t), intent(in) :: step              !! the stages' results
+    real(wp), intent(in) :: h                     !! step
+    real(wp), intent(in) :: begin                 !! coordinate at s = 0
+    integer, intent(in) :: i                      !! which
+    real(wp), intent(out) :: dense(0:5)           !! as a polynomial
+    real(wp), intent(out) :: error                !! its estimated error
+    real(wp) :: slope, slope_end
+    slope = h*step%rate_begin(i)
+    slope_end = h*step%rate_end(i)
+    call interpolate(begin, step%middle(i), step%end(i), slope, h*step%rate_middle(i), slope_end, &
+        dense)
+    error = abs(step%correction(i))
+    if (error <= rounding*(abs(slope) + abs(slope_end)) + epsilon(error)*abs(begin)) error = 0
+  end subroutine read_step
+
+  !> Largest estimated error of a step in contact in units of the tolerance. Where that would refuse
+  !> the step, what is rounding of the rates is left out: of terms of the coordinates' size that
+  !> cancel, as in a tooth that creeps to rest. In contact time has the spring's unit, and position
+  !> and velocity share another.
+  pure real(wp) function ratio_in_contact(h, z, error, scale, tolerance) result(ratio)
+    real(wp), intent(in) :: h                     !! step
+    real(wp), intent(in) :: z(:)                  !! coordinates at its beginning
+    real(wp), intent(in) :: error(:)              !! estimated error of each
+    real(wp), intent(in) :: scale(:)              !! natural size of each
+    real(wp), intent(in) :: tolerance             !! relative tolerance of the run
+    ratio = error_ratio(error, scale, tolerance)
+    if (.not. ratio > 1) return
+    ratio = error_ratio(merge(0.0_wp, error, error <= rounding*h*maxval(abs(z))), scale, tolerance)
+  end function ratio_in_contact
+
+  !> Where a step of length h ends, and nothing else.
+  subroutine rk4_move(system, frame, motion_state, h, z, z_end)
+    class(system_t), intent(in) :: system         !! what moves
+    type(frame_t), intent(in) :: frame            !! frame as opened
+    integer, intent(in) :: motion_state           !! motion state
+    real(wp), intent(in) :: h                     !! step
+    real(wp), intent(in) :: z(max_states)         !! local coordinates at s = 0
+    real(wp), intent(out) :: z_end(max_states)    !! local coordinates at s = h
+    type(step_t) :: step
+    call system%stages(frame, motion_state, h, z, .false., step)
+    z_end = step%end
+  end subroutine rk4_move
+
+  !> Quintic Hermite interpolation at 0, 1/2 and 1 as coefficients of powers of s/h: of fifth order
+  !> over the whole step, from values the step has anyway. Written in differences from the line
+  !> through value and slope at 0, so that a short step keeps its relative precision.
+  pure subroutine interpolate(begin, middle, end, slope, slope_middle, slope_end, c)
+    real(wp), intent(in) :: begin, middle, end                  !! values
+    real(wp), intent(in) :: slope, slope_middle, slope_end      !! h times the rates
+    real(wp), intent(out) :: c(0:5)                             !! coefficients
+    real(wp) :: u, w, e, f
+    u = (middle - begin) - 0.5_wp*slope
+    w = (end - begin) - slope
+    e = slope_middle - slope
+    f = slope_end - slope
+    c(0) = begin
+    c(1) = slope
+    c(2) = 16*u + 7*w - 8*e - f
+    c(3) = -32*u - 34*w + 32*e + 5*f
+    c(4) = 16*u + 52*w - 40*e - 8*f
+    c(5) = -24*w + 16*e + 4*f
+  end subroutine interpolate
+end module lapwing_flow_rk4_step

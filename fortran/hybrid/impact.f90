@@ -1,0 +1,155 @@
+!> What happens at a flank: strike, rebound, rest, let go. Each leaves the flank marked as touched:
+!> what the tooth does there next is decided and is not asked again.
+module lapwing_hybrid_impact
+  use lapwing_kinds, only: wp
+  use lapwing_hybrid_chatter, only: below_resolution
+  use lapwing_codes, only: separation, drive_flank, event_impact, event_release, event_engage, &
+      event_chatter_end, event_kind
+  use lapwing_hybrid_state, only: hybrid_state_t, segment_t
+  use lapwing_polynomial_evaluation, only: max_degree
+  use lapwing_polynomial_roots, only: first_nonzero
+  use lapwing_system, only: system_t, frame_t, max_states
+  implicit none
+  private
+  public :: strike, strike_resting, begin_contact, let_go, pressing_sign, log_event
+
+contains
+
+  !> A tooth in separation arrives at a flank at s, the state's time being there already.
+  subroutine strike(system, state, segment, frame, flank, s, z)
+    class(system_t), intent(in) :: system           !! what moves
+    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(segment_t), intent(inout) :: segment       !! what happened
+    type(frame_t), intent(in) :: frame              !! frame on the piece that holds s
+    integer, intent(in) :: flank                    !! flank struck
+    real(wp), intent(in) :: s                       !! time since the frame was opened
+    real(wp), intent(in) :: z(max_states)           !! local coordinates
+    real(wp) :: distance, before, after
+    call system%contact(frame, flank, s, z, distance, before)
+    call system%commit(frame, s, z, flank, state%instant%y)
+    state%instant%chart = flank
+    state%instant%touching = flank
+    if (before < 0) then
+      ! Grazed to the last bits: it is leaving already.
+      call system%launch(flank, before, state%instant%y)
+    else if (system%compliant) then
+      call begin_contact(system, state, segment, event_engage, flank, before)
+    else
+      after = system%rebound(frame, flank, s, before)
+      call system%launch(flank, after, state%instant%y)
+      call log_event(system, state, segment, event_impact, flank, before, after)
+      call settle(system, state, segment, frame, flank, s, z, after)
+    end if
+  end subroutine strike
+
+  !> After an impact: the tooth rebounds, goes on into the flank, or rests on it if pressed.
+  subroutine settle(system, state, segment, frame, flank, s, z, after)
+    class(system_t), intent(in) :: system           !! what moves
+    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(segment_t), intent(inout) :: segment       !! what happened
+    type(frame_t), intent(in) :: frame              !! frame on the piece that holds s
+    integer, intent(in) :: flank                    !! flank struck
+    real(wp), intent(in) :: s                       !! time since the frame was opened
+    real(wp), intent(in) :: z(max_states)           !! local coordinates
+    real(wp), intent(in) :: after                   !! approach velocity after the impact
+    real(wp) :: pressing(0:max_degree)
+    if (after > 0) then
+      call begin_contact(system, state, segment, event_engage, flank, after)
+    else if (after < 0) then
+      call system%pressing(frame, flank, s, z, pressing)
+      if (below_resolution(pressing(0), -after, system%period)) then
+        call begin_contact(system, state, segment, event_chatter_end, flank, 0.0_wp)
+      end if
+    else if (pressing_sign(system, frame, flank, s, z) > 0) then
+      call begin_contact(system, state, segment, event_engage, flank, 0.0_wp)
+    end if
+  end subroutine settle
+
+  !> A kink under a tooth in rigid contact: a flank that turns towards it strikes it, one that
+  !> turns away lets it go. The state is just past the kink.
+  subroutine strike_resting(system, state, segment)
+    class(system_t), intent(in) :: system           !! what moves
+    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(segment_t), intent(inout) :: segment       !! what happened
+    type(frame_t) :: frame
+    real(wp) :: z(max_states), distance, before, after
+    integer :: flank
+    flank = state%instant%motion_state
+    state%instant%touching = flank
+    call system%open_frame(state%instant, frame, z)
+    call system%contact(frame, flank, 0.0_wp, z, distance, before)
+    if (before > 0) then
+      after = system%rebound(frame, flank, 0.0_wp, before)
+      call system%launch(flank, after, state%instant%y)
+      call log_event(system, state, segment, event_impact, flank, before, after)
+      if (after < 0 .or. pressing_sign(system, frame, flank, 0.0_wp, z) < 0) then
+        call let_go(system, state, segment, flank, after)
+      end if
+    else if (before < 0) then
+      call let_go(system, state, segment, flank, before)
+    end if
+  end subroutine strike_resting
+
+  !> Contact begins with an approach velocity of zero or more.
+  subroutine begin_contact(system, state, segment, kind, flank, approach)
+    class(system_t), intent(in) :: system           !! what moves
+    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(segment_t), intent(inout) :: segment       !! what happened
+    integer, intent(in) :: kind                     !! event_engage or event_chatter_end
+    integer, intent(in) :: flank                    !! flank
+    real(wp), intent(in) :: approach                !! approach velocity
+    call system%launch(flank, approach, state%instant%y)
+    state%instant%motion_state = flank
+    state%instant%touching = flank
+    call log_event(system, state, segment, kind, flank, approach, approach)
+  end subroutine begin_contact
+
+  !> Contact ends; no restitution applies.
+  subroutine let_go(system, state, segment, flank, approach)
+    class(system_t), intent(in) :: system           !! what moves
+    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(segment_t), intent(inout) :: segment       !! what happened
+    integer, intent(in) :: flank                    !! flank left
+    real(wp), intent(in) :: approach                !! approach velocity, not positive
+    call system%launch(flank, approach, state%instant%y)
+    state%instant%motion_state = separation
+    state%instant%touching = flank
+    call log_event(system, state, segment, event_release, flank, approach, approach)
+  end subroutine let_go
+
+  !> Sign of the first derivative of the pressing acceleration that does not vanish at s: whether
+  !> a tooth at rest on the flank stays (+1), leaves (-1) or is left where it is (0).
+  pure real(wp) function pressing_sign(system, frame, flank, s, z)
+    class(system_t), intent(in) :: system           !! what moves
+    type(frame_t), intent(in) :: frame              !! frame on the piece that holds s
+    integer, intent(in) :: flank                    !! flank
+    real(wp), intent(in) :: s                       !! time since the frame was opened
+    real(wp), intent(in) :: z(max_states)           !! local coordinates at s
+    real(wp) :: c(0:max_degree), leading
+    call system%pressing(frame, flank, s, z, c)
+    leading = first_nonzero(c)
+    pressing_sign = merge(0.0_wp, sign(1.0_wp, leading), leading == 0)
+  end function pressing_sign
+
+  !> Add a line to the segment's events.
+  subroutine log_event(system, state, segment, kind, flank, approach_before, approach_after)
+    class(system_t), intent(in) :: system           !! what moves
+    type(hybrid_state_t), intent(in) :: state       !! state after the event
+    type(segment_t), intent(inout) :: segment       !! what happened
+    integer, intent(in) :: kind                     !! kind at the drive flank
+    integer, intent(in) :: flank                    !! flank
+    real(wp), intent(in) :: approach_before         !! approach velocity before
+    real(wp), intent(in) :: approach_after          !! and after
+    real(wp) :: phi_dot, direction
+    direction = merge(1.0_wp, -1.0_wp, flank == drive_flank)
+    segment%n_events = segment%n_events + 1
+    associate (event => segment%events(segment%n_events))
+      event%kind = event_kind(kind, flank)
+      event%cycle = state%instant%cycle
+      event%t = state%instant%t
+      event%before = direction*approach_before
+      event%after = direction*approach_after
+      call system%observe(state%instant, event%phi, phi_dot)
+    end associate
+  end subroutine log_event
+end module lapwing_hybrid_impact

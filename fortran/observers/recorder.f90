@@ -1,0 +1,271 @@
+!> Observers: what a scene asks to be recorded, and nothing else.
+module lapwing_observers_recorder
+  use lapwing_kinds, only: wp
+  use lapwing_codes, only: separation, engagement, drive_flank, coast_flank, event_impact, &
+      event_kind
+  use lapwing_flow_rk4_crossing, only: work_t
+  use lapwing_hybrid_state, only: segment_t, event_t, instant_in_segment
+  use lapwing_observers_grazes, only: find_grazes
+  use lapwing_polynomial_evaluation, only: max_degree, horner, upper_bound
+  use lapwing_polynomial_roots, only: critical_points
+  use lapwing_observers_records, only: recorder_t, sums_t, log_line, n_counters, max_flights
+  use lapwing_observers_speeds, only: count_speed
+  use lapwing_system, only: system_t, instant_t, frame_t
+  use lapwing_observers_tangent, only: tangent_t, carry_along, jump, tangent_row
+  implicit none
+  private
+  public :: record_segment, look_ahead, sample_at
+
+contains
+
+  !> Record one segment. `before` is where it began.
+  subroutine record_segment(self, system, segment, before, work)
+    type(recorder_t), intent(inout) :: self
+    class(system_t), intent(in) :: system        !! what moves
+    type(segment_t), intent(in) :: segment       !! what happened
+    type(instant_t), intent(in) :: before        !! where it began
+    type(work_t), intent(inout) :: work          !! counts
+    integer :: i
+    if (associated(self%samples)) then
+      if (sample_is_near(self, segment)) call take_samples(self, system, segment, work)
+    end if
+    if (self%want_grazes .and. (segment%stepped .or. segment%closed)) then
+      call find_grazes(self, system, segment, huge(1.0_wp), work)
+      self%sums%grazes_known_to = -1
+    end if
+    if (self%want_strobe .or. self%want_cycles) call strobe(self, system, segment, before)
+    if (self%want_cycles) call measure(self, system, segment, work)
+    if (self%want_tangent) then
+      call carry_along(self%sums%tangent, system, self%contact, segment, before)
+    end if
+    if (segment%cycle_completed .and. (self%want_strobe .or. self%want_cycles)) then
+      call close_cycle(self, segment)
+    end if
+    if (self%want_tangent) call jump(self%sums%tangent, system, self%contact, segment)
+    do i = 1, segment%n_events
+      call log_line(self, segment%events(i))
+      call count_speed(self%density, segment%events(i))
+      if (self%want_cycles) call count_event(self, segment%events(i))
+    end do
+  end subroutine record_segment
+
+  !> Record what lies before `until` in a segment that is about to be taken back.
+  subroutine look_ahead(self, system, segment, until, work)
+    type(recorder_t), intent(inout) :: self
+    class(system_t), intent(in) :: system        !! what moves
+    type(segment_t), intent(in) :: segment       !! what happened
+    real(wp), intent(in) :: until                !! time in the segment's cycle
+    type(work_t), intent(inout) :: work          !! counts
+    if (associated(self%samples)) then
+      if (sample_is_near(self, segment)) call take_samples(self, system, segment, work)
+    end if
+    if (self%want_grazes .and. (segment%stepped .or. segment%closed) .and. until > segment%t) then
+      call find_grazes(self, system, segment, until, work)
+      self%sums%grazes_known_to = until
+    end if
+  end subroutine look_ahead
+
+  !> The cycle's first state: where its first stretch of positive length begins.
+  subroutine strobe(self, system, segment, before)
+    type(recorder_t), intent(inout) :: self
+    class(system_t), intent(in) :: system        !! what moves
+    type(segment_t), intent(in) :: segment       !! what happened
+    type(instant_t), intent(in) :: before        !! where it began
+    if (.not. self%sums%strobe_due .or. segment%length <= 0) return
+    self%sums%strobe_due = .false.
+    self%sums%strobe(1) = before%motion_state
+    call system%observe(before, self%sums%strobe(2), self%sums%strobe(3))
+  end subroutine strobe
+
+  !> States visited, and the deepest points of flights and of back contact.
+  subroutine measure(self, system, segment, work)
+    type(recorder_t), intent(inout) :: self
+    class(system_t), intent(in) :: system        !! what moves
+    type(segment_t), intent(in) :: segment       !! what happened
+    type(work_t), intent(inout) :: work          !! counts
+    associate (sums => self%sums)
+      if (segment%length > 0) sums%states_visited = ibset(sums%states_visited, segment%motion_state)
+      if (segment%closed) then
+        call deepen_in_closed_form(system, segment, sums, work)
+        return
+      end if
+      if (.not. segment%stepped) return
+      if (segment%motion_state == separation) then
+        call deepen(system, segment, drive_flank, 1.0_wp, sums%flight_depth, work)
+        sums%cycle_depth = max(sums%cycle_depth, sums%flight_depth)
+      else if (segment%motion_state /= engagement) then
+        call deepen(system, segment, coast_flank, -1.0_wp, sums%back_penetration, work)
+      end if
+    end associate
+  end subroutine measure
+
+  !> The same for a stretch in closed form.
+  subroutine deepen_in_closed_form(system, segment, sums, work)
+    class(system_t), intent(in) :: system        !! what moves
+    type(segment_t), intent(in) :: segment       !! what happened
+    type(sums_t), intent(inout) :: sums          !! deepest points so far
+    type(work_t), intent(inout) :: work          !! counts
+    if (segment%motion_state == engagement) return
+    work%depth_searches = work%depth_searches + 1
+    if (segment%motion_state == separation) then
+      sums%flight_depth = system%deepest(segment%begin, drive_flank, segment%length, &
+          sums%flight_depth)
+      sums%cycle_depth = max(sums%cycle_depth, sums%flight_depth)
+    else
+      sums%back_penetration = system%deepest(segment%begin, coast_flank, segment%length, &
+          sums%back_penetration)
+    end if
+  end subroutine deepen_in_closed_form
+
+  !> Raise `deepest` to the largest sign*distance from a flank in a segment.
+  !>
+  !> Bernstein coefficients bound a piece from above, so that most pieces cost no root search.
+  subroutine deepen(system, segment, flank, sign, deepest, work)
+    class(system_t), intent(in) :: system        !! what moves
+    type(segment_t), intent(in) :: segment       !! what happened
+    integer, intent(in) :: flank                 !! flank
+    real(wp), intent(in) :: sign                 !! +1: distance, -1: penetration
+    real(wp), intent(inout) :: deepest           !! largest so far, rad
+    type(work_t), intent(inout) :: work          !! counts
+    type(frame_t) :: frame
+    real(wp) :: c(0:max_degree), length, at(max_degree)
+    integer :: i, n
+    frame = segment%frame
+    do
+      length = min(frame%piece_end, segment%length) - frame%piece_begin
+      call system%gap(frame, flank, segment%motion, c)
+      c = sign*c
+      if (upper_bound(c, length) > deepest) then
+        work%depth_searches = work%depth_searches + 1
+        call critical_points(c, length, n, at)
+        deepest = max(deepest, c(0), horner(c, length))
+        do i = 1, n
+          deepest = max(deepest, horner(c, at(i)))
+        end do
+      end if
+      if (frame%piece_end >= segment%length) return
+      call system%next_piece(frame)
+    end do
+  end subroutine deepen
+
+  !> Count an event in the cycle it falls in; an impact ends a flight.
+  subroutine count_event(self, event)
+    type(recorder_t), intent(inout) :: self
+    type(event_t), intent(in) :: event           !! the event
+    real(wp) :: depth
+    associate (sums => self%sums)
+      if (event%kind > n_counters) return
+      sums%counter(event%kind) = sums%counter(event%kind) + 1
+      depth = max(sums%flight_depth, sums%flight_depth_before)
+      if (event%kind == event_impact) call push_flight(self, depth)
+      if (event%kind == event_kind(event_impact, coast_flank)) call push_flight(self, -depth)
+      sums%flight_depth = 0
+      sums%flight_depth_before = 0
+    end associate
+  end subroutine count_event
+
+  !> Keep the depth of a flight that an impact has ended, until the cycle's depth is known.
+  subroutine push_flight(self, depth)
+    type(recorder_t), intent(inout) :: self
+    real(wp), intent(in) :: depth                !! rad, negative: ended at the coast flank
+    associate (sums => self%sums)
+      if (sums%n_flights == max_flights) call forget_shallow(self)
+      if (sums%n_flights == max_flights) return
+      sums%n_flights = sums%n_flights + 1
+      sums%flight(sums%n_flights) = depth
+    end associate
+  end subroutine push_flight
+
+  !> Drop flights too shallow to be counted: the cycle's depth can only grow.
+  subroutine forget_shallow(self)
+    type(recorder_t), intent(inout) :: self
+    integer :: i, kept
+    kept = 0
+    do i = 1, self%sums%n_flights
+      if (.not. abs(self%sums%flight(i)) > self%count_depth*self%sums%cycle_depth) cycle
+      kept = kept + 1
+      self%sums%flight(kept) = self%sums%flight(i)
+    end do
+    self%sums%n_flights = kept
+  end subroutine forget_shallow
+
+  !> Write the cycle's line and begin the next.
+  subroutine close_cycle(self, segment)
+    type(recorder_t), intent(inout) :: self
+    type(segment_t), intent(in) :: segment       !! segment that ends the cycle
+    integer :: counted, counted_back
+    associate (sums => self%sums)
+      call forget_shallow(self)
+      counted = 0
+      if (sums%n_flights > 0) counted = count(sums%flight(1:sums%n_flights) > 0)
+      counted_back = sums%n_flights - counted
+      sums%n_cycles = sums%n_cycles + 1
+      if (sums%n_cycles <= size(self%cycles, 2)) then
+        self%cycles(:, sums%n_cycles) = [real(segment%cycle, wp), sums%strobe, &
+            sums%counter(1:2), real([counted, counted_back], wp), sums%counter(3:8), &
+            sums%cycle_depth, sums%back_penetration, real(sums%states_visited, wp)]
+      end if
+      if (self%want_tangent) then
+        if (sums%n_cycles <= size(self%tangent, 2)) then
+          self%tangent(:, sums%n_cycles) = tangent_row(sums%tangent)
+        end if
+        sums%tangent = tangent_t()
+      end if
+      sums%strobe_due = .true.
+      sums%counter = 0
+      sums%cycle_depth = 0
+      sums%flight_depth_before = max(sums%flight_depth, sums%flight_depth_before)
+      sums%flight_depth = 0
+      sums%back_penetration = 0
+      sums%states_visited = 0
+      sums%n_flights = 0
+    end associate
+  end subroutine close_cycle
+
+  !> Whether the next sample may fall in a segment.
+  pure logical function sample_is_near(self, segment)
+    type(recorder_t), intent(in) :: self
+    type(segment_t), intent(in) :: segment       !! what happened
+    sample_is_near = self%sums%next_sample <= size(self%samples, 2)
+    if (.not. sample_is_near) return
+    sample_is_near = self%sample_time(1, self%sums%next_sample) < segment%cycle + 0.5_wp
+  end function sample_is_near
+
+  !> Samples of the history that fall in a segment.
+  subroutine take_samples(self, system, segment, work)
+    type(recorder_t), intent(inout) :: self
+    class(system_t), intent(in) :: system        !! what moves
+    type(segment_t), intent(in) :: segment       !! what happened
+    type(work_t), intent(inout) :: work          !! counts
+    type(frame_t) :: frame
+    type(instant_t) :: instant
+    real(wp) :: s
+    frame = segment%frame
+    do while (self%sums%next_sample <= size(self%samples, 2))
+      associate (time => self%sample_time(:, self%sums%next_sample))
+        if (time(1) > segment%cycle + 0.5_wp) return
+        s = time(2) - segment%t
+        if (s >= segment%length .and. .not. segment%cycle_completed) return
+      end associate
+      do while (.not. segment%closed)
+        if (s <= frame%piece_end .or. frame%piece_end >= segment%length) exit
+        call system%next_piece(frame)
+      end do
+      call instant_in_segment(system, segment, frame, s, instant)
+      call sample_at(self, system, instant, work)
+    end do
+  end subroutine take_samples
+
+  !> Write the next sample.
+  subroutine sample_at(self, system, instant, work)
+    type(recorder_t), intent(inout) :: self
+    class(system_t), intent(in) :: system        !! what moves
+    type(instant_t), intent(in) :: instant       !! where it is
+    type(work_t), intent(inout) :: work          !! counts
+    real(wp) :: phi, phi_dot
+    call system%observe(instant, phi, phi_dot)
+    self%samples(:, self%sums%next_sample) = [real(instant%motion_state, wp), phi, phi_dot]
+    self%sums%next_sample = self%sums%next_sample + 1
+    work%samples = work%samples + 1
+  end subroutine sample_at
+end module lapwing_observers_recorder

@@ -1,0 +1,101 @@
+!> What a scene can ask to be recorded, where it goes, and the log of events.
+module lapwing_observers_records
+  use lapwing_kinds, only: wp
+  use lapwing_codes, only: coast_flank, event_impact, event_near_graze, event_kind
+  use lapwing_flow_exact_oscillation, only: damped_t
+  use lapwing_hybrid_state, only: event_t
+  use lapwing_observers_speeds, only: speed_density_t
+  use lapwing_observers_tangent, only: tangent_t
+  implicit none
+  private
+  public :: recorder_t, sums_t, start_recording, waits_for_room, log_has_room, log_line
+  public :: log_columns, cycle_columns, sample_columns, n_counters, max_flights, log_reserve
+
+  integer, parameter :: log_columns = 6       !! kind, cycle, t, phi, velocity before, after
+  integer, parameter :: cycle_columns = 17    !! see `close_cycle`
+  integer, parameter :: sample_columns = 3    !! motion state, phi, phi'
+  integer, parameter :: n_counters = 8        !! impact, release, engage, chatter end, by flank
+  !> Counted impacts of one cycle saturate here, those of shallower flights not included.
+  integer, parameter :: max_flights = 1024
+  !> A segment adds its four events and, at most now and then, a near-graze per piece and flank.
+  integer, parameter :: log_reserve = 64
+
+  !> What the statistics of a cycle still need when the cycle is cut.
+  type :: sums_t
+    integer :: n_log = 0                       !! lines in the log, also those it had no room for
+    integer :: n_cycles = 0                    !! cycles closed
+    integer :: next_sample = 1                 !! next sample of the history
+    logical :: strobe_due = .true.             !! whether the cycle's first state is still to come
+    real(wp) :: counter(n_counters) = 0        !! events of the cycle by kind
+    real(wp) :: flight_depth = 0               !! deepest point of the flight in this cycle, rad
+    real(wp) :: flight_depth_before = 0        !! and in the cycles before
+    real(wp) :: cycle_depth = 0                !! deepest point of the cycle so far, rad
+    real(wp) :: back_penetration = 0           !! deepest point in the coast flank, rad
+    integer :: states_visited = 0              !! bit k: motion state k
+    real(wp) :: strobe(3) = 0                  !! motion state, phi, phi' at the cycle's beginning
+    real(wp) :: grazes_known_to = -1           !! near-grazes of the stretch up to here are logged
+    integer :: n_flights = 0                   !! flights of the cycle ended by an impact
+    real(wp) :: flight(max_flights) = 0        !! their depths, negative: at the coast flank
+    type(tangent_t) :: tangent                 !! tangent map since the cycle began
+  end type sums_t
+
+  !> What is wanted, and where it goes.
+  type :: recorder_t
+    logical :: want_events = .false.           !! every event
+    logical :: want_impacts = .false.          !! impacts alone
+    logical :: want_grazes = .false.           !! near-grazes
+    logical :: want_strobe = .false.           !! state at the beginning of each cycle
+    logical :: want_cycles = .false.           !! statistics of each cycle
+    logical :: want_tangent = .false.          !! tangent map of each cycle; wants the strobe too
+    type(damped_t) :: contact                  !! deviations in contact, for the tangent map
+    real(wp) :: graze_distance = 0             !! what is near, rad
+    real(wp) :: count_depth = 0.01_wp          !! least depth of a counted flight / cycle's depth
+    real(wp), pointer, contiguous :: log(:, :) => null()           !! (log_columns, room)
+    real(wp), pointer, contiguous :: cycles(:, :) => null()        !! (cycle_columns, room)
+    real(wp), pointer, contiguous :: tangent(:, :) => null()       !! (tangent_columns, room)
+    real(wp), pointer, contiguous :: sample_time(:, :) => null()   !! (2, n): cycle, time in it
+    real(wp), pointer, contiguous :: samples(:, :) => null()       !! (sample_columns, n)
+    type(speed_density_t) :: density           !! speeds of impacts
+    type(sums_t) :: sums
+  end type recorder_t
+
+contains
+
+  !> Forget everything but the flight under way.
+  subroutine start_recording(self)
+    type(recorder_t), intent(inout) :: self
+    self%sums%n_log = 0
+    self%sums%n_cycles = 0
+    self%sums%next_sample = 1
+  end subroutine start_recording
+
+  !> Whether a run stops while its log is full, instead of going on without writing.
+  pure logical function waits_for_room(self)
+    type(recorder_t), intent(in) :: self
+    waits_for_room = self%want_events .or. self%want_grazes
+  end function waits_for_room
+
+  !> Whether the log can take whatever one more segment may bring.
+  pure logical function log_has_room(self)
+    type(recorder_t), intent(in) :: self
+    log_has_room = .true.
+    if (.not. waits_for_room(self)) return
+    log_has_room = self%sums%n_log + log_reserve <= size(self%log, 2)
+  end function log_has_room
+
+  !> Add a line to the log if it is wanted and there is room.
+  subroutine log_line(self, event)
+    type(recorder_t), intent(inout) :: self
+    type(event_t), intent(in) :: event           !! the event
+    logical :: is_impact, is_graze, wanted
+    is_impact = event%kind <= event_kind(event_impact, coast_flank)
+    is_graze = event%kind >= event_near_graze
+    wanted = self%want_events .or. (self%want_impacts .and. is_impact) &
+        .or. (self%want_grazes .and. is_graze)
+    if (.not. wanted) return
+    self%sums%n_log = self%sums%n_log + 1
+    if (self%sums%n_log > size(self%log, 2)) return
+    self%log(:, self%sums%n_log) = [real(event%kind, wp), real(event%cycle, wp), event%t, &
+        event%phi, event%before, event%after]
+  end subroutine log_line
+end module lapwing_observers_records

@@ -1,0 +1,274 @@
+!> The tangent map: what becomes of a small deviation of the state, cycle by cycle.
+!>
+!> A deviation (delta phi, delta phi') is taken at a fixed time. It is the same in theta as in phi,
+!> so neither the chart nor a kink or knot matters. Between events it obeys the free equation of
+!> the motion state; an event that the deviation moves in time multiplies it by a saltation matrix.
+!> With x the distance pressed into the flank struck, v = x' before and w after, a the pressing
+!> acceleration x'' without contact force, the event comes delta t = -delta x/v later and
+!>     impact, relative velocities:   [w/v, 0; (1 + eps) a/v, -eps]
+!>     impact, absolute velocities:   [w/v, 0; (1 + eps) F/v, -eps], F the force towards the flank
+!>     engage, release:               [1, 0; -2 xi, 1] and [1, 0; 2 xi, 1].
+!> Leine and Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, ch. 7.
+!>
+!> The end of a complete chatter leaves one number of the two: when it comes. See `chatter_matrix`.
+!> A tooth that rests on a rigid flank has forgotten both.
+module lapwing_observers_tangent
+  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_negative_inf
+  use lapwing_kinds, only: wp
+  use lapwing_codes, only: separation, drive_flank, event_impact, event_release, event_engage, &
+      event_chatter_end
+  use lapwing_flow_exact_oscillation, only: damped_t, free_matrix
+  use lapwing_hybrid_state, only: segment_t, event_t
+  use lapwing_polynomial_evaluation, only: max_degree, horner
+  use lapwing_system, only: system_t, instant_t, frame_t, max_states
+  implicit none
+  private
+  public :: tangent_t, tangent_columns, carry_along, jump, tangent_row
+  public :: impact_matrix, chatter_matrix
+
+  integer, parameter :: tangent_columns = 13   !! see `tangent_row`
+  !> The matrix is scaled, exactly, when it leaves 2**-256 .. 2**256: far from under- and overflow
+  !> also after one more factor.
+  integer, parameter :: most_exponent = 256
+  !> Contact that one matrix stands for, in decay times: exp(-128) at its smallest.
+  real(wp), parameter :: most_decay = 64
+
+  !> The map since the cycle began, m*2**exponent, and what its determinant must be.
+  type :: tangent_t
+    real(wp) :: m(2, 2) = reshape([1, 0, 0, 1], [2, 2])   !! matrix of (phi, phi')
+    integer :: exponent = 0                               !! of its scale
+    real(wp) :: log_det = 0                               !! sum of ln|det| of the factors
+    integer :: det_sign = 1                               !! sign of their product
+    integer :: rank = 2                                   !! least rank of a factor
+    real(wp) :: contact_time(2) = 0                       !! in tau, by flank
+    real(wp) :: pending = 0                               !! time in contact not yet in m
+    integer :: impacts = 0                                !! impacts
+    real(wp) :: log_rebound = 0                           !! sum of ln|w/v|
+    real(wp) :: graze_depth = huge(1.0_wp)                !! least v**2/(2|a|) where a < 0, rad
+  end type tangent_t
+
+contains
+
+  !> The line of a cycle: matrix by rows, exponent, ln|det|, its sign, rank, time on either flank,
+  !> impacts, their sum of ln|w/v|, and how far the shallowest graze would have gone.
+  pure function tangent_row(self) result(row)
+    type(tangent_t), intent(in) :: self
+    real(wp) :: row(tangent_columns)
+    row = [self%m(1, :), self%m(2, :), real(self%exponent, wp), self%log_det, &
+        real([self%det_sign, self%rank], wp), self%contact_time, real(self%impacts, wp), &
+        self%log_rebound, self%graze_depth]
+    if (self%rank < 2) row(6:7) = [ieee_value(row(6), ieee_negative_inf), 0.0_wp]
+  end function tangent_row
+
+  !> Carry a deviation along the smooth stretch of a segment, or to the end of a summed chatter.
+  subroutine carry_along(self, system, contact, segment, before)
+    type(tangent_t), intent(inout) :: self
+    class(system_t), intent(in) :: system        !! what moves
+    type(damped_t), intent(in) :: contact        !! free motion of a deviation in contact
+    type(segment_t), intent(in) :: segment       !! what happened
+    type(instant_t), intent(in) :: before        !! where it began
+    if (segment%motion_state /= separation) then
+      self%contact_time(segment%motion_state) = self%contact_time(segment%motion_state) &
+          + segment%length
+      if (system%rigid) then
+        call forget(self, 0)
+      else
+        ! Once a contact: the steps of one are alike to the bit, and so would be their rounding.
+        self%pending = self%pending + segment%length
+        if (segment%n_events == 0 .and. .not. segment%cycle_completed &
+            .and. contact%xi*self%pending < most_decay) return
+        self%log_det = self%log_det - 2*contact%xi*self%pending
+        call apply(self, free_matrix(contact, self%pending))
+        self%pending = 0
+      end if
+    else if (sums_chatter(segment)) then
+      call end_chatter_summed(self, system, segment, before)
+    else
+      self%m(1, :) = self%m(1, :) + segment%length*self%m(2, :)
+    end if
+  end subroutine carry_along
+
+  !> Whether a segment is the rest of a chatter: it ends with the chatter, and with no impact.
+  pure logical function sums_chatter(segment)
+    type(segment_t), intent(in) :: segment       !! what happened
+    sums_chatter = .false.
+    if (segment%n_events == 0) return
+    sums_chatter = kind_at_drive(segment%events(1)) == event_chatter_end
+  end function sums_chatter
+
+  !> A chatter summed from the beginning of the segment, just after an impact.
+  subroutine end_chatter_summed(self, system, segment, before)
+    type(tangent_t), intent(inout) :: self
+    class(system_t), intent(in) :: system        !! what moves
+    type(segment_t), intent(in) :: segment       !! what happened
+    type(instant_t), intent(in) :: before        !! where it began
+    type(frame_t) :: frame
+    real(wp) :: z(max_states), pressing(0:max_degree), distance, approach
+    integer :: flank
+    flank = flank_of(segment%events(1))
+    call system%open_frame(before, frame, z)
+    call system%contact(frame, flank, 0.0_wp, z, distance, approach)
+    call system%pressing(frame, flank, 0.0_wp, z, pressing)
+    call forget(self, merge(0, 1, system%rigid))
+    call apply(self, chatter_matrix(pressing, -approach, system%restitution, segment%length))
+  end subroutine end_chatter_summed
+
+  !> The events that a segment ends with.
+  subroutine jump(self, system, contact, segment)
+    type(tangent_t), intent(inout) :: self
+    class(system_t), intent(in) :: system        !! what moves
+    type(damped_t), intent(in) :: contact        !! free motion of a deviation in contact
+    type(segment_t), intent(in) :: segment       !! what happened
+    integer :: i, last
+    last = 0
+    do i = 1, segment%n_events
+      select case (kind_at_drive(segment%events(i)))
+      case (event_impact)
+        call strike(self, system, segment%events(i))
+        last = i
+      case (event_engage)
+        if (system%rigid) call forget(self, 0)
+        self%m(2, :) = self%m(2, :) - 2*contact%xi*self%m(1, :)
+      case (event_release)
+        self%m(2, :) = self%m(2, :) + 2*contact%xi*self%m(1, :)
+      case (event_chatter_end)
+        if (last > 0) call end_chatter_at_impact(self, system, segment%events(last))
+      case default
+        ! A kink leaves a deviation as it is.
+      end select
+    end do
+  end subroutine jump
+
+  !> An impact. One that the flank, drawing away faster and faster, almost missed is a graze.
+  subroutine strike(self, system, event)
+    type(tangent_t), intent(inout) :: self
+    class(system_t), intent(in) :: system        !! what moves
+    type(event_t), intent(in) :: event           !! the impact
+    real(wp) :: pressing(0:max_degree), push, s(2, 2)
+    self%impacts = self%impacts + 1
+    call accelerations(system, event, pressing, push)
+    if (pressing(0) < 0) then
+      self%graze_depth = min(self%graze_depth, -0.5_wp*event%before**2/pressing(0))
+    end if
+    ! A tooth that arrives with no speed at all has no linear map; the graze tells.
+    if (event%before == 0) return
+    if (system%sums_chatter(flank_of(event))) push = pressing(0)
+    s = impact_matrix(abs(event%before), event%after*sign(1.0_wp, event%before), &
+        system%restitution, push)
+    if (s(1, 1) == 0 .or. s(2, 2) == 0) then
+      call forget(self, 1)
+    else
+      self%log_rebound = self%log_rebound + log(abs(s(1, 1)))
+      self%log_det = self%log_det + log(abs(s(1, 1)*s(2, 2)))
+      if (s(1, 1)*s(2, 2) < 0) self%det_sign = -self%det_sign
+    end if
+    call apply(self, s)
+  end subroutine strike
+
+  !> Saltation matrix of an impact: in x and x', positive into the flank struck.
+  pure function impact_matrix(before, after, restitution, push) result(s)
+    real(wp), intent(in) :: before       !! v > 0, velocity into the flank
+    real(wp), intent(in) :: after        !! w, the same after the impact, negative: rebounds
+    real(wp), intent(in) :: restitution  !! eps
+    real(wp), intent(in) :: push         !! a (relative velocities) or F (absolute)
+    real(wp) :: s(2, 2)
+    s(1, :) = [after/before, 0.0_wp]
+    s(2, :) = [(1 + restitution)*push/before, -restitution]
+  end function impact_matrix
+
+  !> What a deviation just after an impact makes of the chatter's end.
+  !>
+  !> The tooth leaves with speed u and x'' = a + j s + ... The deviation moves the impact before by
+  !> delta t0 = delta x/u and the speed by delta u = -delta x' - a delta t0; so the end, T(u, t) =
+  !> 2u/(a(1 - eps)) - 4j u**2/(3a**3(1 - eps)**2) later, comes by
+  !>     delta t = (1 + dT/dt - a dT/du) delta x/u - dT/du delta x'
+  !> later. From there x'' = a in contact: (delta x, delta x') = (0, -a delta t).
+  pure function chatter_matrix(pressing, speed, restitution, duration) result(s)
+    real(wp), intent(in) :: pressing(0:max_degree)  !! a, j, ... about the impact
+    real(wp), intent(in) :: speed                   !! u > 0, separation speed after it
+    real(wp), intent(in) :: restitution             !! eps
+    real(wp), intent(in) :: duration                !! T, 0: there is no sum, the end is the impact
+    real(wp) :: s(2, 2), a, j, loss, by_speed, by_time
+    a = pressing(0)
+    j = pressing(1)
+    loss = 1 - restitution
+    by_speed = 0
+    by_time = 0
+    if (duration > 0) then
+      by_speed = 2/(a*loss) - 8*j*speed/(3*a**3*loss**2)
+      by_time = -2*j*speed/(a**2*loss)
+    end if
+    s(1, :) = 0
+    s(2, :) = -horner(pressing, duration)*[(1 + by_time - a*by_speed)/speed, -by_speed]
+  end function chatter_matrix
+
+  !> A chatter whose last impact leaves less than time can resolve. With absolute velocities and
+  !> a moving flank the bounces have no sum: the end is the impact.
+  subroutine end_chatter_at_impact(self, system, impact)
+    type(tangent_t), intent(inout) :: self
+    class(system_t), intent(in) :: system        !! what moves
+    type(event_t), intent(in) :: impact          !! the last impact
+    real(wp) :: pressing(0:max_degree), push, rest, speed
+    call accelerations(system, impact, pressing, push)
+    speed = abs(impact%after)
+    rest = 0
+    if (system%sums_chatter(flank_of(impact))) rest = 2*speed/(pressing(0)*(1 - system%restitution))
+    call forget(self, merge(0, 1, system%rigid))
+    call apply(self, chatter_matrix(pressing, speed, system%restitution, rest))
+  end subroutine end_chatter_at_impact
+
+  !> At an event: pressing acceleration of its flank, and the force towards it.
+  subroutine accelerations(system, event, pressing, push)
+    class(system_t), intent(in) :: system             !! what moves
+    type(event_t), intent(in) :: event                !! event at a flank
+    real(wp), intent(out) :: pressing(0:max_degree)   !! Taylor coefficients about it
+    real(wp), intent(out) :: push                     !! acceleration in flight
+    type(instant_t) :: instant
+    type(frame_t) :: frame
+    real(wp) :: z(max_states), rate(max_states)
+    instant%motion_state = separation
+    instant%chart = flank_of(event)
+    instant%cycle = event%cycle
+    instant%t = event%t
+    call system%open_frame(instant, frame, z)
+    call system%pressing(frame, instant%chart, 0.0_wp, z, pressing)
+    rate = 0
+    call system%derivatives(frame, separation, 0.0_wp, z(:system%n_states), &
+        rate(:system%n_states))
+    push = merge(rate(2), -rate(2), instant%chart == drive_flank)
+  end subroutine accelerations
+
+  !> Multiply by one more factor.
+  pure subroutine apply(self, factor)
+    type(tangent_t), intent(inout) :: self
+    real(wp), intent(in) :: factor(2, 2)         !! matrix
+    real(wp) :: largest
+    integer :: shift
+    self%m = matmul(factor, self%m)
+    largest = maxval(abs(self%m))
+    if (.not. largest > 0) return
+    shift = exponent(largest)
+    if (abs(shift) <= most_exponent) return
+    self%m = scale(self%m, -shift)
+    self%exponent = self%exponent + shift
+  end subroutine apply
+
+  !> Some of the deviation is lost for good: from here on at most so many numbers of it are left.
+  pure subroutine forget(self, left)
+    type(tangent_t), intent(inout) :: self
+    integer, intent(in) :: left                  !! numbers left, 0 or 1
+    self%rank = min(self%rank, left)
+    if (left == 0) self%m = 0
+  end subroutine forget
+
+  pure integer function flank_of(event)
+    type(event_t), intent(in) :: event           !! event at a flank
+    flank_of = drive_flank + modulo(event%kind - event_impact, 2)
+  end function flank_of
+
+  !> Kind of an event, as it is called at the drive flank.
+  pure integer function kind_at_drive(event)
+    type(event_t), intent(in) :: event           !! event
+    kind_at_drive = event%kind - modulo(event%kind - event_impact, 2)
+  end function kind_at_drive
+end module lapwing_observers_tangent

@@ -1,0 +1,224 @@
+!> Every root of a polynomial on an interval, isolated by the sign variations of its Bernstein
+!> coefficients (Descartes' rule on an interval: no variation, no root; one variation, exactly one
+!> root), intervals with more are halved.
+module lapwing_polynomial_roots
+  use lapwing_kinds, only: wp
+  use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, taylor_shift, &
+      bernstein, scale_to_unit, never_below, least
+  implicit none
+  private
+  public :: first_zero, first_descent, critical_points, lift_off, first_nonzero
+
+  !> Halvings before two roots closer than 2**-48 of the interval are treated as one.
+  integer, parameter :: max_depth = 48
+  !> Newton steps of the bracketed solver; bisection alone would need fewer than this.
+  integer, parameter :: max_iterations = 80
+
+contains
+
+  !> Make a polynomial that leaves zero at the origin positive there: divide by x as often as the
+  !> leading coefficient is not positive. `times` tells how often.
+  pure subroutine lift_off(c, times)
+    real(wp), intent(inout) :: c(0:max_degree)  !! coefficients
+    integer, intent(out) :: times               !! divisions made; max_degree + 1: nothing left
+    do times = 0, max_degree
+      if (c(0) > 0) return
+      c(0:max_degree - 1) = c(1:max_degree)
+      c(max_degree) = 0
+    end do
+  end subroutine lift_off
+
+  !> First x in (0, length] where a polynomial that is positive at 0 is no longer positive.
+  !> Right to the rounding of its terms, sum |c_k| length**k, which decides where roots meet.
+  !> To the last bits, or to `rough` of the interval.
+  pure subroutine first_zero(c, length, found, x, rough)
+    real(wp), intent(in) :: c(0:max_degree)  !! coefficients, c(0) > 0
+    real(wp), intent(in) :: length           !! interval
+    logical, intent(out) :: found            !! whether there is one
+    real(wp), intent(out) :: x               !! where
+    real(wp), intent(in), optional :: rough  !! error allowed, over the interval
+    real(wp) :: scaled(0:max_degree), b(0:max_degree), allowed
+    call scale_to_unit(c, length, scaled)
+    found = .false.
+    x = length
+    if (never_below(scaled) > 0) return
+    b = bernstein(scaled)
+    if (least(b) > 0) return
+    ! Not a number: nothing to isolate; whoever moves the state sees it and says so.
+    if (.not. abs(sum(b)) <= huge(x)) return
+    allowed = 0
+    if (present(rough)) allowed = rough
+    call first_zero_on_unit(scaled, b, allowed, found, x)
+    x = x*length
+  end subroutine first_zero
+
+  !> First zero of a distance that may begin at zero.
+  !>
+  !> Where it does and the next move there is decided (`leaves`), or where it rises, the zero is
+  !> divided out; leading coefficients that contradict the decision are rounding and go with it.
+  !> A distance that begins at or, by rounding, below zero and falls is a crossing at once.
+  pure subroutine first_descent(c, length, leaves, found, at)
+    real(wp), intent(inout) :: c(0:max_degree)   !! coefficients, changed where they begin at zero
+    real(wp), intent(in) :: length               !! interval
+    logical, intent(in) :: leaves                !! whether it is known to rise from zero
+    logical, intent(out) :: found                !! whether there is a zero
+    real(wp), intent(out) :: at                  !! where
+    integer :: times
+    found = .false.
+    at = 0
+    if (length < 0) return
+    if (c(0) <= 0) then
+      found = .not. leaves .and. first_nonzero(c(1:)) < 0
+      if (found) return
+      call lift_off(c, times)
+      if (times > max_degree) return
+    end if
+    call first_zero(c, length, found, at)
+  end subroutine first_descent
+
+  !> Leftmost sign change on [0, 1], by halving until one variation is left.
+  pure subroutine first_zero_on_unit(c, b_whole, allowed, found, x)
+    real(wp), intent(in) :: c(0:max_degree)        !! coefficients
+    real(wp), intent(in) :: b_whole(0:max_degree)  !! Bernstein coefficients on [0, 1]
+    real(wp), intent(in) :: allowed                !! error allowed
+    logical, intent(out) :: found                  !! whether there is one
+    real(wp), intent(out) :: x                     !! where
+    real(wp) :: b(0:max_degree, 0:max_depth), lower(0:max_depth), width(0:max_depth)
+    integer :: top, variations
+    found = .false.
+    x = 1  ! the end, unless something is found before it
+    top = 0
+    b(:, 0) = b_whole
+    lower(0) = 0
+    width(0) = 1
+    do while (top >= 0)
+      variations = sign_variations(b(:, top))
+      if (b(0, top) <= 0) then
+        found = .true.
+        x = lower(top)
+        return
+      else if (variations == 0) then
+        ! Only the interval at the bottom of the stack ends where the polynomial does.
+        found = top == 0 .and. b(max_degree, top) <= 0
+        if (found) return
+        top = top - 1
+      else if (variations == 1 .and. b(max_degree, top) <= 0) then
+        found = .true.
+        x = bracketed_root(c, lower(top), lower(top) + width(top), allowed)
+        return
+      else if (top == max_depth) then
+        ! A double root to the last bits: it counts where the polynomial does not stay positive.
+        found = min(horner(c, lower(top) + 0.5_wp*width(top)), minval(b(:, top))) <= 0
+        x = lower(top) + 0.5_wp*width(top)
+        if (found) return
+        x = 1
+        top = top - 1
+      else
+        call halve(b, lower, width, top)
+      end if
+    end do
+  end subroutine first_zero_on_unit
+
+  !> Replace the interval on top of the stack by its right half and put its left half above it.
+  pure subroutine halve(b, lower, width, top)
+    real(wp), intent(inout) :: b(0:max_degree, 0:max_depth)              !! Bernstein coefficients
+    real(wp), intent(inout) :: lower(0:max_depth), width(0:max_depth)    !! intervals
+    integer, intent(inout) :: top                                        !! top of the stack
+    integer :: i, k
+    real(wp) :: left(0:max_degree)
+    left(0) = b(0, top)
+    do i = 1, max_degree
+      do k = 0, max_degree - i
+        b(k, top) = 0.5_wp*(b(k, top) + b(k + 1, top))
+      end do
+      left(i) = b(0, top)
+    end do
+    width(top) = 0.5_wp*width(top)
+    lower(top + 1) = lower(top)
+    width(top + 1) = width(top)
+    lower(top) = lower(top) + width(top)
+    top = top + 1
+    b(:, top) = left
+  end subroutine halve
+
+  !> Number of sign changes in a row of coefficients, zeros passed over.
+  pure integer function sign_variations(b)
+    real(wp), intent(in) :: b(0:max_degree)  !! coefficients
+    integer :: i
+    real(wp) :: last
+    sign_variations = 0
+    last = b(0)
+    do i = 1, max_degree
+      if (b(i) == 0) cycle
+      if (last > 0 .neqv. b(i) > 0) sign_variations = sign_variations + 1
+      last = b(i)
+    end do
+  end function sign_variations
+
+  !> The one root between lower, where the polynomial is positive, and upper: Newton kept in its
+  !> bracket. A value that rounds to zero or below at lower puts the root there.
+  pure real(wp) function bracketed_root(c, lower, upper, allowed) result(x)
+    real(wp), intent(in) :: c(0:max_degree)  !! coefficients
+    real(wp), intent(in) :: lower, upper     !! bracket
+    real(wp), intent(in) :: allowed          !! error allowed
+    real(wp) :: a, b, value, slope, step
+    integer :: iteration
+    a = lower
+    b = upper
+    x = a
+    do iteration = 1, max_iterations
+      value = horner(c, x)
+      slope = horner_slope(c, x)
+      if (value > 0) then
+        a = x
+      else
+        b = x
+      end if
+      step = merge(-value/slope, huge(1.0_wp), slope /= 0)
+      if (x + step <= a .or. x + step >= b) then
+        if (abs(step) <= epsilon(x)*abs(x)) return
+        step = 0.5_wp*(a + b) - x
+      end if
+      x = x + step
+      if (abs(step) <= max(2*epsilon(x)*abs(x), allowed) .or. value == 0) return
+    end do
+  end function bracketed_root
+
+  !> All x in (0, length) where the derivative changes sign, in increasing order.
+  pure subroutine critical_points(c, length, n, x)
+    real(wp), intent(in) :: c(0:max_degree)        !! coefficients
+    real(wp), intent(in) :: length                 !! interval
+    integer, intent(out) :: n                      !! number of points
+    real(wp), intent(out) :: x(max_degree)         !! the points
+    real(wp) :: derivative(0:max_degree), rest(0:max_degree), root, from
+    logical :: found
+    integer :: i, times
+    derivative = [(i*c(i), i = 1, max_degree), 0.0_wp]
+    n = 0
+    from = 0
+    do while (from < length .and. n < max_degree)
+      rest = derivative
+      call taylor_shift(rest, from)
+      if (n > 0) rest(0) = 0
+      if (first_nonzero(rest) < 0) rest = -rest
+      call lift_off(rest, times)
+      if (times > max_degree) return
+      call first_zero(rest, length - from, found, root)
+      if (.not. found .or. from + root >= length .or. root <= 0) return
+      from = from + root
+      n = n + 1
+      x(n) = from
+    end do
+  end subroutine critical_points
+
+  !> The lowest coefficient that is not zero, or zero.
+  pure real(wp) function first_nonzero(c)
+    real(wp), intent(in) :: c(0:)  !! coefficients
+    integer :: i
+    first_nonzero = 0
+    do i = 0, ubound(c, 1)
+      first_nonzero = c(i)
+      if (first_nonzero /= 0) return
+    end do
+  end function first_nonzero
+end module lapwing_polynomial_roots

@@ -1,0 +1,244 @@
+!> Many operating points, in lines that run side by side.
+!>
+!> A line is a row of points done one after the other: each from rest, or each from where the one
+!> before ended. What a line does depends on nothing outside it, so that the number of threads,
+!> and where a call is cut, changes no bit of any result.
+module lapwing_run_sweep
+  use lapwing_kinds, only: wp, int64
+  use lapwing_codes, only: status_ok, status_unfinished
+  use lapwing_flow_exact_oscillation, only: damped
+  use lapwing_flow_rk4_crossing, only: work_t
+  use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
+  use lapwing_run_method, only: moved_by
+  use lapwing_system_oscillator, only: oscillator_t
+  use lapwing_system_parameters, only: parameters_t
+  use lapwing_observers_records, only: recorder_t, start_recording
+  use lapwing_run, only: run_to
+  use lapwing_system_start, only: start_as_told
+  use lapwing_run_checkpoint, only: pack_blob, unpack_blob, pack_work
+  implicit none
+  private
+  public :: sweep_t, line_t, sweep_lines, prepare_sweep, stage_done
+
+  ! Stages of the point under way, and of a line that is done. The last settling cycle has its own.
+  integer, parameter :: stage_start = 0, stage_settle = 1, stage_prepare = 2, stage_record = 3
+  integer, parameter :: stage_done = 4
+
+  !> What every point of a sweep has in common, and where results go.
+  type :: sweep_t
+    type(parameters_t), allocatable :: point(:)                    !! (n_points)
+    class(oscillator_t), allocatable :: first                      !! of the first point, where
+                                                                   !! the others differ in force
+    real(wp), allocatable :: knots(:)                              !! table, see `oscillator`
+    real(wp), allocatable :: coefficients(:, :)                    !! table
+    logical, allocatable :: kinks(:)                               !! table
+    real(wp), allocatable :: series(:, :)                          !! or series
+    type(numerics_t) :: numerics                                   !! tolerances and bounds
+    type(recorder_t) :: recorder                                   !! what is wanted of each point
+    integer :: settle = 0                                          !! cycles before recording
+    integer :: record = 0                                          !! cycles recorded
+    real(wp), pointer, contiguous :: cycles(:, :, :) => null()     !! (columns, record, n_points)
+    real(wp), pointer, contiguous :: tangent(:, :, :) => null()    !! (columns, record, n_points)
+    real(wp), pointer, contiguous :: log(:, :, :) => null()        !! (columns, room, n_points)
+    real(wp), pointer, contiguous :: density(:, :) => null()       !! (bins + 2, n_points) or null
+    real(wp), pointer, contiguous :: outcome(:, :) => null()       !! (4 + work_size, n_points)
+  end type sweep_t
+
+  !> A line and how far it is.
+  type :: line_t
+    integer :: first = 1          !! first point
+    integer :: last = 1           !! last point
+    logical :: carried = .false.  !! whether a point begins where the one before ended
+    integer :: point = 1          !! point under way
+    integer :: stage = 0          !! stage_*
+    !> First point: -1 (rest) or motion state, phi, phi', and phase. Later points begin at the
+    !> same phase: at rest, or as carried.
+    real(wp) :: start(4) = [-1, 0, 0, 0]
+  end type line_t
+
+contains
+
+  !> What the points share is made once.
+  subroutine prepare_sweep(sweep)
+    type(sweep_t), intent(inout) :: sweep            !! the sweep, its points known
+    integer :: i
+    do i = 2, size(sweep%point)
+      if (.not. differ_in_force_only(sweep%point(1), sweep%point(i))) return
+    end do
+    call moved_by(sweep%numerics%method, sweep%point(1), sweep%knots, sweep%coefficients, &
+        sweep%kinks, sweep%series, sweep%first)
+  end subroutine prepare_sweep
+
+  !> Go on with every line until it is done or the deadline has come.
+  subroutine sweep_lines(sweep, lines, blobs, deadline, n_threads)
+    type(sweep_t), intent(in) :: sweep               !! the sweep
+    type(line_t), intent(inout) :: lines(:)          !! its lines
+    real(wp), intent(inout) :: blobs(:, :)           !! (blob_size, n_lines) runs under way
+    integer(int64), intent(in) :: deadline           !! clock count at which to stop
+    integer, intent(in) :: n_threads                 !! threads
+    !$omp parallel num_threads(n_threads) default(none) shared(sweep, lines, blobs, deadline)
+    call share_lines(sweep, lines, blobs, deadline)
+    !$omp end parallel
+  end subroutine sweep_lines
+
+  !> One thread's share of the lines. Its oscillator serves all points that differ in force only.
+  subroutine share_lines(sweep, lines, blobs, deadline)
+    type(sweep_t), intent(in) :: sweep               !! the sweep
+    type(line_t), intent(inout) :: lines(:)          !! its lines
+    real(wp), intent(inout) :: blobs(:, :)           !! (blob_size, n_lines) runs under way
+    integer(int64), intent(in) :: deadline           !! clock count at which to stop
+    class(oscillator_t), allocatable :: system
+    integer :: i
+    !$omp do schedule(dynamic, 1)
+    do i = 1, size(lines)
+      if (lines(i)%stage < stage_done) call go_on(sweep, lines(i), blobs(:, i), deadline, system)
+    end do
+    !$omp end do
+  end subroutine share_lines
+
+  !> Go on with one line.
+  subroutine go_on(sweep, line, blob, deadline, system)
+    type(sweep_t), intent(in) :: sweep               !! the sweep
+    type(line_t), intent(inout) :: line              !! the line
+    real(wp), intent(inout) :: blob(:)               !! run under way
+    integer(int64), intent(in) :: deadline           !! clock count at which to stop
+    class(oscillator_t), allocatable, intent(inout) :: system   !! made, or made new, for each point
+    type(hybrid_state_t) :: state
+    type(recorder_t) :: recorder
+    type(work_t) :: work
+    real(wp) :: final(3, 1)
+    integer :: status
+    do while (line%stage < stage_done)
+      call make_system(sweep, sweep%point(line%point), system)
+      recorder = sweep%recorder
+      if (line%stage == stage_start) then
+        call start_point(system, line, blob, state)
+        work = work_t()
+        line%stage = stage_settle
+      else
+        call unpack_blob(blob, state, recorder%sums, work)
+      end if
+      call run_point(sweep, system, line, deadline, state, recorder, work, status, final)
+      if (status == status_unfinished) then
+        call pack_blob(state, recorder%sums, work, blob)
+        return
+      end if
+      call finish_point(sweep, line, final(:, 1), recorder, work, status, blob)
+    end do
+  end subroutine go_on
+
+  !> The oscillator of a point: its own, or the first one under another force.
+  subroutine make_system(sweep, point, system)
+    type(sweep_t), intent(in) :: sweep                         !! the sweep
+    type(parameters_t), intent(in) :: point                    !! the point's parameters
+    class(oscillator_t), allocatable, intent(inout) :: system  !! another point's; then this one's
+    if (allocated(sweep%first)) then
+      if (.not. allocated(system)) allocate (system, source=sweep%first)
+      call system%change_force(point)
+    else
+      call moved_by(sweep%numerics%method, point, sweep%knots, sweep%coefficients, &
+          sweep%kinks, sweep%series, system)
+    end if
+  end subroutine make_system
+
+  !> Whether two points differ in nothing but their force.
+  pure logical function differ_in_force_only(one, other) result(same)
+    type(parameters_t), intent(in) :: one, other               !! parameters of two points
+    same = one%mesh_frequency_ratio == other%mesh_frequency_ratio &
+        .and. one%flank_scale == other%flank_scale &
+        .and. one%peak_to_peak == other%peak_to_peak &
+        .and. one%damping_ratio == other%damping_ratio &
+        .and. one%restitution == other%restitution &
+        .and. one%backlash == other%backlash .and. one%tolerance == other%tolerance
+  end function differ_in_force_only
+
+  !> Where a point begins: the state the line carries, or rest.
+  subroutine start_point(system, line, blob, state)
+    class(oscillator_t), intent(in) :: system        !! the point's oscillator
+    type(line_t), intent(in) :: line                 !! the line
+    real(wp), intent(in) :: blob(:)                  !! carried: -1 or motion state, phi, phi'
+    type(hybrid_state_t), intent(out) :: state       !! state to begin with
+    real(wp) :: begin(4)
+    begin = line%start
+    if (line%carried .and. line%point /= line%first) begin(:3) = blob(1:3)
+    state%instant = start_as_told(system, begin)
+  end subroutine start_point
+
+  !> Settle, then record. A flight under way when recording begins counts whole: the statistics
+  !> run through the last settling cycle too, and its line is dropped.
+  subroutine run_point(sweep, system, line, deadline, state, recorder, work, status, final)
+    type(sweep_t), intent(in) :: sweep               !! the sweep
+    class(oscillator_t), intent(in) :: system        !! the point's oscillator
+    type(line_t), intent(inout) :: line              !! the line
+    integer(int64), intent(in) :: deadline           !! clock count at which to stop
+    type(hybrid_state_t), intent(inout) :: state     !! state
+    type(recorder_t), intent(inout) :: recorder      !! recorder, its sums under way
+    type(work_t), intent(inout) :: work              !! counts
+    integer, intent(out) :: status                   !! status_*
+    real(wp), intent(out), target :: final(3, 1)     !! motion state, phi, phi' at the end
+    type(recorder_t) :: silent
+    real(wp) :: target_t
+    real(wp), target :: final_time(2, 1)
+    status = status_ok
+    final = 0
+    target_t = line%start(4)*system%period
+    if (line%stage == stage_settle) then
+      call run_to(system, sweep%numerics, max(sweep%settle - 1, 0), target_t, deadline, state, &
+          silent, work, status)
+      if (status /= status_ok) return
+      line%stage = stage_prepare
+    end if
+    call point_at_output(sweep, system, line, recorder)
+    if (line%stage == stage_prepare) then
+      recorder%want_impacts = .false.
+      call run_to(system, sweep%numerics, sweep%settle, target_t, deadline, state, recorder, &
+          work, status)
+      if (status /= status_ok) return
+      if (sweep%settle > 0) call start_recording(recorder)
+      recorder%want_impacts = sweep%recorder%want_impacts
+      line%stage = stage_record
+    end if
+    if (associated(sweep%density)) recorder%density%counts => sweep%density(:, line%point)
+    final_time(:, 1) = [real(sweep%settle + sweep%record, wp), target_t]
+    recorder%sample_time => final_time
+    recorder%samples => final
+    recorder%sums%next_sample = 1
+    call run_to(system, sweep%numerics, sweep%settle + sweep%record, target_t, deadline, state, &
+        recorder, work, status)
+    nullify (recorder%sample_time, recorder%samples)
+  end subroutine run_point
+
+  !> Let a recorder write where the point's results go.
+  subroutine point_at_output(sweep, system, line, recorder)
+    type(sweep_t), intent(in) :: sweep               !! the sweep
+    class(oscillator_t), intent(in) :: system        !! the point's oscillator
+    type(line_t), intent(in) :: line                 !! the line
+    type(recorder_t), intent(inout) :: recorder      !! recorder
+    recorder%cycles => sweep%cycles(:, :, line%point)
+    recorder%log => sweep%log(:, :, line%point)
+    if (.not. recorder%want_tangent) return
+    recorder%tangent => sweep%tangent(:, :, line%point)
+    recorder%contact = damped(0.5_wp*system%damping)
+  end subroutine point_at_output
+
+  !> Write a point's outcome, and make the next one ready.
+  subroutine finish_point(sweep, line, final, recorder, work, status, blob)
+    type(sweep_t), intent(in) :: sweep               !! the sweep
+    type(line_t), intent(inout) :: line              !! the line
+    real(wp), intent(in) :: final(3)                 !! motion state, phi, phi' at the end
+    type(recorder_t), intent(in) :: recorder         !! recorder
+    type(work_t), intent(in) :: work                 !! counts
+    integer, intent(in) :: status                    !! status_*
+    real(wp), intent(inout) :: blob(:)               !! carried to the next point
+    sweep%outcome(:, line%point) = [real(status, wp), real(recorder%sums%n_log, wp), final, &
+        pack_work(work)]
+    blob(1:3) = final
+    if (status /= status_ok) blob(1) = -1
+    line%stage = stage_start
+    if (line%point == line%last) then
+      line%stage = stage_done
+    else
+      line%point = line%point + sign(1, line%last - line%first)
+    end if
+  end subroutine finish_point
+end module lapwing_run_sweep
