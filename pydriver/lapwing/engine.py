@@ -47,8 +47,9 @@ METHODS = ("auto", "exact", "rk4")
 # Three of sixteen digits may be lost between response and free oscillation.
 MOST_AMPLIFIED = 1e3
 EXACT_CHATTER_TOL = 1e-13
-# From about here on the closed form is graded (flow/exact/response.f90, most_panels times panel_span): its
-# parts are pieces of the table each by itself, and no periodic response is among them.
+# From about here on the closed form is graded (most_panels times panel_span of
+# fortran/flow/exact/response.f90): its parts are pieces of the table each by itself, and no
+# periodic response is among them.
 GRADED_SPAN = 1.31e5
 # A longer harmonic series is taken from its table (flank/series.f90, max_terms).
 MAX_TERMS = 8
