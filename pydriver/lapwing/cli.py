@@ -216,7 +216,7 @@ def _load(paths, settings):
     for setting in settings:
         key, equals, value = setting.partition("=")
         if not equals:
-            _complain(f"--set {setting}: GROUP.KEY=VALUE is meant")
+            _complain(f"--set {setting}: expected GROUP.KEY=VALUE")
             raise typer.Exit(BAD_INPUT)
         overrides.append((key, value))
     loaded = []

@@ -27,7 +27,7 @@ def default_threads() -> int:
     """Threads: OMP_NUM_THREADS, SLURM_CPUS_PER_TASK, or the processors this process may use.
 
     Of a list such as ``4,3,2`` the first number is taken, as OpenMP does.  What is no whole number
-    above 0 is passed over, and no more than `most_threads` are ever meant.
+    above 0 is passed over, and the answer is `most_threads` at most.
     """
     for name in ("OMP_NUM_THREADS", "SLURM_CPUS_PER_TASK"):
         found = _LIST.fullmatch(os.environ.get(name, ""))

@@ -80,7 +80,7 @@ def report_on(source, out, page):
 
 
 def _check(scenes, methods, known_methods):
-    problems = [f"{what} {name!r}: one of {', '.join(known)} is meant"
+    problems = [f"{what} {name!r}: expected one of {', '.join(known)}"
                 for what, names, known in (("scene", scenes, SCENES),
                                            ("method", methods, known_methods))
                 for name in names if name not in known]

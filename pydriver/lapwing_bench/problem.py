@@ -128,7 +128,7 @@ def _arcs(osc):
     te, period, scale = osc.te, osc.period, osc.flank_scale
     if np.any(np.abs(te.coefficients[:, 3:]) * np.diff(te.knots)[:, None] ** 3
               > 1e-12 * te.peak_to_peak):
-        raise ValueError("a table of parabolic arcs is meant")
+        raise ValueError("expected a table of parabolic arcs")
     slope, curvature = scale * te.coefficients[:, 1] / period, (
         2 * scale * te.coefficients[:, 2] / period**2)
     jumps = scale * te.slope_jumps() / period

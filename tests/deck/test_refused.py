@@ -38,18 +38,18 @@ GOOD = (REFUSED.parent / "accepted" / "plain.nml").read_text(encoding="utf-8")
 
 @pytest.mark.parametrize(("key", "value", "message"), [
     ("operation.brake_torque", "x",
-     "brake_torque = x, a number from -1e+09 to 1e+09 (N·m) is meant"),
+     "brake_torque = x, expected a number from -1e+09 to 1e+09 (N·m)"),
     ("operation.brake_torque", "1,8", "brake_torque = 1,8: decimal comma; write 1.8"),
     ("operation.brake_torque", "2 /", "'2 /' is no value"),
     ("operation.brake_torque", "", "brake_torque has no value"),
     ("operation.brake_torqe", "2", "unknown key brake_torqe in &operation; "
-                                   "is 'brake_torque' meant?"),
-    ("brake_torque", "2", "meant is group.key, or response.NAME.key; known are gear_pair, "
+                                   "did you mean 'brake_torque'?"),
+    ("brake_torque", "2", "expected group.key, or response.NAME.key; known are gear_pair, "
      "transmission_error, operation, scene, numerics, response, sweep, critical"),
-    ("sweep.nosuch.count", "2", "which &sweep is meant? sweep.NAME.key with one of none in this "
+    ("sweep.nosuch.count", "2", "which &sweep? expected sweep.NAME.key with one of none in this "
                                 "deck"),
     ("operation.mesh_frequency_hz", "100", "pinion_speed_rpm and mesh_frequency_hz are both "
-     "given; one of pinion_speed_rpm, pinion_speed_rad_s, mesh_frequency_hz is meant"),
+     "given; expected one of pinion_speed_rpm, pinion_speed_rad_s, mesh_frequency_hz"),
 ])
 def test_override(tmp_path, key, value, message):
     deck = tmp_path / "deck.nml"

@@ -284,8 +284,8 @@ def test_none_seen_and_all_seen():
     ("safe", {"record": 0}, "record"), ("safe", {"further": 1.5}, "further"),
     ("safe", {"values": [1.0, 2.0], "resolution": 0.0}, "resolution"),
     ("back", {"confidence": 1.0}, "confidence"),
-    ("back", {"gap": "one_flank"}, "coast flank"), ("on", {}, "critical_full is meant"),
-    ("full", {"contact_law": "rigid", "impact_law": "relative"}, "critical_on is meant"),
+    ("back", {"gap": "one_flank"}, "coast flank"), ("on", {}, "expected critical_full"),
+    ("full", {"contact_law": "rigid", "impact_law": "relative"}, "expected critical_on"),
     ("full", {"parameter": "restitution", "brake_torque": 1, "values": None}, "values"),
 ])
 def test_refusals(find, changed, said):

@@ -134,10 +134,10 @@ def _harmonics(reader, report):
         if len(values) != n:
             good = False
             report.add(reader.places[name], f"{name} has {len(values)} values, harmonic_amplitude "
-                                            f"has {n}; as many are meant")
+                                            f"has {n}; expected as many")
     if len(set(orders)) != len(orders):
         good = False
-        report.add(reader.places["harmonic_order"], "harmonic_order: each order once is meant")
+        report.add(reader.places["harmonic_order"], "harmonic_order: expected each order once")
     if not good:
         return None
     return formula_table({"harmonic_amplitude": [float(a) for a in keys.harmonic_amplitude],
@@ -275,7 +275,7 @@ class Studies:
         name = name.rpartition(".")[2]
         starts = tuple(keys.starts)
         if len(set(starts)) != len(starts):
-            self._report.add(reader.places["starts"], "starts: each once is meant")
+            self._report.add(reader.places["starts"], "starts: expected each once")
         self.check_values(reader, name, group, values)
         if not self._ready:
             return None
@@ -315,7 +315,8 @@ class Studies:
                  or value <= limits.get("gt", value - 1) or value >= limits.get("lt", value + 1)]
         place = reader.places.get("values") or reader.places["from"]
         for value in wrong[:1]:
-            self._report.add(place, f"{name} = {value:g} among the values, {kind.meant} is meant")
+            self._report.add(place, f"{name} = {value:g} among the values, expected "
+                                    f"{kind.expected}")
 
     def check_ends(self, reader, name, group, values, operation):
         """Force is monotonic in each parameter: what holds at both ends holds between them."""

@@ -41,8 +41,8 @@ def build_critical(studies, reader, keys, report):
             report.add(reader.key_places[key], f"{key} does not go with find = '{keys.find}' along "
                                                f"{name}")
     if name in reader.places:
-        report.add(reader.key_places[name], f"{name} is the parameter searched along; a value of "
-                                            "its own is not meant")
+        report.add(reader.key_places[name], f"{name} is the parameter searched along, expected "
+                                            "without a value of its own")
     values = None
     if "values" in allowed:
         values = _values(reader, keys, name, report)
@@ -81,10 +81,10 @@ def _values(reader, keys, name, report):
 def _check_laws(reader, keys, operation, report):
     """What is to be found must exist under the laws of &scene."""
     rigid = operation["contact_law"] == "rigid"
-    meant = {"on": "on" if rigid else "full", "full": "on" if rigid else "full"}.get(keys.find)
-    if meant is not None and meant != keys.find:
+    other = {"on": "on" if rigid else "full", "full": "on" if rigid else "full"}.get(keys.find)
+    if other is not None and other != keys.find:
         report.add(reader.places["find"], f"find = '{keys.find}' does not go with contact_law = "
-                                          f"'{operation['contact_law']}'; '{meant}' is meant")
+                                          f"'{operation['contact_law']}'; expected '{other}'")
     if keys.find == "back" and operation["gap"] == "one_flank":
         report.add(reader.places["find"], "find = 'back' does not go with gap = 'one_flank': there "
                                           "is no coast flank to strike")

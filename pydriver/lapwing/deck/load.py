@@ -65,7 +65,7 @@ def _known_groups(groups, report):
                        f"unknown group &{group.name}; {nearest(group.name, schema.GROUPS)}")
         elif group.name in seen and group.name not in schema.STUDIES:
             report.add(group.place, f"&{group.name} is given twice (first on line "
-                                    f"{seen[group.name]}); one is meant")
+                                    f"{seen[group.name]}); expected once")
         else:
             seen.setdefault(group.name, group.place.line)
             known.append(group)
@@ -80,7 +80,7 @@ def _override(groups, name, value, report):
     group_name, _, rest = name.strip().lower().partition(".")
     study, _, key = rest.rpartition(".")
     if group_name not in schema.GROUPS or not key:
-        report.add(place, "meant is group.key, or response.NAME.key; "
+        report.add(place, "expected group.key, or response.NAME.key; "
                           + nearest(group_name, schema.GROUPS))
         return
     group = _overridden(groups, group_name, study, place, report)
@@ -105,7 +105,7 @@ def _overridden(groups, name, study, place, report):
     candidates = [group for group in groups if group.name == name]
     if name not in schema.STUDIES:
         if study:
-            report.add(place, f"&{name} is no study; meant is {name}.key")
+            report.add(place, f"&{name} is no study; expected {name}.key")
             return None
         if not candidates:
             candidates = [Group(name, place)]
@@ -114,7 +114,7 @@ def _overridden(groups, name, study, place, report):
     named = {_name_of(group): group for group in candidates}
     if study in named or (not study and len(candidates) == 1):
         return named.get(study, candidates[0])
-    report.add(place, f"which &{name} is meant? {name}.NAME.key with one of "
+    report.add(place, f"which &{name}? expected {name}.NAME.key with one of "
                       + (", ".join(filter(None, named)) or "none in this deck"))
     return None
 
@@ -191,7 +191,7 @@ class _GroupReader:
             place = values[1].place
             text = f"{key} = {cut(first)} {cut(rest)}: {_after_number(first, rest, kind)}"
         else:
-            text = (f"{key} = {source}: {kind.meant} is meant, not several values"
+            text = (f"{key} = {source}: several values, expected {kind.expected}"
                     + f"; write {whole} if thousands are meant" * bool(whole))
         self._report.add(place, text)
 
@@ -214,8 +214,8 @@ class _GroupReader:
                                                    self.key_places[key].column))
                 both = "both" if len(given) == 2 else "all"
                 self._report.add(self.key_places[last],
-                                 f"{' and '.join(given)} are {both} given; one of "
-                                 f"{', '.join(names)} is meant")
+                                 f"{' and '.join(given)} are {both} given; "
+                                 f"expected one of {', '.join(names)}")
             elif model.needed and not any(map(self._mentioned, names)):
                 self._report.add(self.place, f"&{self.name} lacks one of {', '.join(names)}")
 
@@ -225,7 +225,7 @@ class _GroupReader:
         stray = [value.text.lower() for values in self._values.values() for value in values
                  if isinstance(value.value, Bare)]
         return key in self.places or key in stray or any(
-            name.startswith(key) or nearest(name, self._fields) == f"is {key!r} meant?"
+            name.startswith(key) or nearest(name, self._fields) == f"did you mean {key!r}?"
             for name in unknown)
 
     def _validate(self, model, raw):
@@ -243,7 +243,7 @@ class _GroupReader:
         if item["type"] == "missing":
             if key not in self.places:
                 kind = self._types[key]
-                self._report.add(self.place, f"&{self.name} lacks {key}, {kind.meant} "
+                self._report.add(self.place, f"&{self.name} lacks {key}, {kind.expected} "
                                              f"({self._fields[key].description.split(';')[0]})")
             return
         values = self._values[key]
@@ -255,10 +255,10 @@ class _GroupReader:
         index = item["loc"][1] if len(item["loc"]) > 1 else 0
         value = values[index]
         remark = value.remark or _remark(value, kind)
-        meant = f"{kind.meant} is meant" + f"; {remark}" * bool(remark)
+        wrong = f"expected {kind.expected}" + f"; {remark}" * bool(remark)
         if kind.kind is str and not kind.choices and isinstance(value.value, str):
-            meant = _text_limits(value.value, self._fields[key])
-        self._report.add(value.place, f"{key} = {cut(value.text, 60)}, {meant}")
+            wrong = _text_limits(value.value, self._fields[key])
+        self._report.add(value.place, f"{key} = {cut(value.text, 60)}, {wrong}")
 
     def _longest(self, key):
         return next(n.max_length for n in self._fields[key].metadata if hasattr(n, "max_length"))
@@ -291,7 +291,7 @@ def _after_number(number, rest, kind):
     if kind.unit and rest.strip() == kind.unit:
         return f"text after a number; the unit is fixed ({kind.unit}), write {cut(number)} alone"
     if not kind.unit:
-        return "text after a number; this key has no unit, a number alone is meant"
+        return "text after a number; this key has no unit, expected a number alone"
     unit = f"the unit {kind.unit}" if kind.unit.startswith("of ") else kind.unit
     return f"text after a number; give the value in {unit}, without a unit"
 
@@ -303,6 +303,6 @@ def _text_limits(text, field):
     if not text:
         return "empty text is not allowed"
     if len(text) > limits.get("max_length", len(text)):
-        return f"at most {limits['max_length']} characters are meant"
+        return f"expected at most {limits['max_length']} characters"
     blank = "a blank is not allowed; " * any(letter.isspace() for letter in text)
     return blank + "letters, digits, . _ - only" + ", a letter or digit first" * (not blank)

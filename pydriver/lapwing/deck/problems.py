@@ -24,7 +24,7 @@ class Problem:
     Attributes
     ----------
     file : str, the file as it was named, or `--set key=value`
-    line, column : int, from 1; 0 where the whole file, line or override is meant
+    line, column : int, from 1; 0 where the whole file, line or override is concerned
     text : str, what is wrong and what is expected
     warning : bool, True where the deck is accepted all the same
     """
@@ -91,8 +91,8 @@ def _ordered(problems):
 
 
 def nearest(name, known):
-    """`; is 'x' meant?` for the most similar known name, else all of them."""
+    """`did you mean 'x'?` for the most similar known name, else all of them."""
     guess = difflib.get_close_matches(cut(name, 100).lower(), known, 1, cutoff=0.6)
     if guess:
-        return f"is {guess[0]!r} meant?"
+        return f"did you mean {guess[0]!r}?"
     return "known are " + ", ".join(known)

@@ -29,13 +29,13 @@ def range_values(reader, report):
                    + ", ".join(f"{name} has {len(part)}" for name, part in parts.items()))
         return None
     if sum(keys.count) > MAX_VALUES:
-        report.add(places["count"], f"{sum(keys.count)} values; at most {MAX_VALUES} are meant")
+        report.add(places["count"], f"{sum(keys.count)} values; expected at most {MAX_VALUES}")
         return None
     ranges = list(zip(*parts.values(), strict=True))
     for low, high, _ in ranges:
         if low == high or (keys.spacing == "log" and low * high <= 0):
-            meant = "both > 0 or both < 0 for spacing = 'log'" if low != high else "two ends"
-            report.add(places["from"], f"from {low:g} to {high:g}: {meant} are meant")
+            wanted = "both > 0 or both < 0 for spacing = 'log'" if low != high else "two ends"
+            report.add(places["from"], f"from {low:g} to {high:g}: expected {wanted}")
             return None
     spaced = _log if keys.spacing == "log" else _linear
     return _ascending(value for one in ranges for value in spaced(*one))

@@ -22,7 +22,7 @@ def key(default=..., text="", unit="", example=None, **limits):
 class Group(BaseModel):
     """One namelist group.
 
-    `exclusive` lists sets of keys of which one is meant; `needed` says whether one must be given.
+    `exclusive` lists sets of keys of which at most one is given; `needed`: one must be given.
     """
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
@@ -336,8 +336,8 @@ class KeyType:
         return str(limit) if self.kind is int else f"{limit:g}"
 
     @property
-    def meant(self):
-        """What a value of this key must be, to follow `key = value, `."""
+    def expected(self):
+        """What a value of this key must be, to follow `key = value, expected `."""
         each = "each " if self.is_list else ""
         if self.choices:
             return each + "one of " + ", ".join(f"'{choice}'" for choice in self.choices)

@@ -310,7 +310,7 @@ def _check_law(find, osc):
     if (osc.contact_law == "rigid") != (find == "on"):
         other = "critical_on" if osc.contact_law == "rigid" else "critical_full"
         raise ValueError(f"critical: critical_{find} does not go with contact_law = "
-                         f"{osc.contact_law!r}; {other} is meant")
+                         f"{osc.contact_law!r}; expected {other}")
 
 
 def _scan_order(values, safe_end):
