@@ -398,7 +398,7 @@ def test_critical_values_of_a_run(tmp_path, no_figures):
     deck = write_deck(tmp_path)
     deck.write_text(deck.read_text() + CRITICAL, encoding="utf-8")
     result = call("run", deck, "--out", tmp_path / "out", "--threads", 1)
-    assert result.exit_code == OK and "T_full: contact can be kept from: T_full = " in result.output
+    assert result.exit_code == OK and "T_full: contact can be kept above T_full = " in result.output
     assert "2 critical values" in call("check", deck).output
     with read_results(tmp_path / "out" / "small" / "result.nc") as results:
         assert results.criticals == ("T_full", "T_safe")

@@ -283,6 +283,7 @@ class _Run:
         from lapwing.plots import FORMATS
         from lapwing.report.headlines import headlines
         from lapwing.results import engine_digest
+        from lapwing.studies.of_deck import studies_of
 
         folder = self.aside if found.interrupted and self.there.complete else self.folder
         undrawn, drawn = {}, False
@@ -318,14 +319,17 @@ class _Run:
                 undrawn[Path(name).stem] = f"a file of yours is named {name}; it is left as it is"
         if drawn:
             discard(self.aside)
+        missing = [(kind, name) for kind, name in studies_of(self.deck)
+                   if name not in getattr(found, kind + "s")]
         return Outcome(folder, interrupted=not drawn, failed=found.failed(), undrawn=undrawn,
                        headlines=headlines([*found.responses.values()], found.criticals,
-                                           found.sweeps), notes=tuple(self.notes))
+                                           found.sweeps, missing), notes=tuple(self.notes))
 
     def _write(self, found, folder):
         """Result file, summary and the deck as used; returns the checksums of the variables."""
         from lapwing.report.summary import summary_text
         from lapwing.results import read_results, write_results
+        from lapwing.studies.of_deck import studies_of
 
         text = used_text(self.deck, self.folder)
         if self.whole is not None:
@@ -337,7 +341,7 @@ class _Run:
                 used_text=text, used_hash=self.inputs, pair=self.deck.gear_pair, te=self.deck.te,
                 osc=_reference_oscillator(self.deck), responses=[*found.responses.values()],
                 sweeps=found.sweeps, criticals=found.criticals, te_source=_te_source(self.deck),
-                interrupted=found.interrupted)
+                interrupted=found.interrupted, studies=studies_of(self.deck))
         with read_results(folder / RESULT_FILE, check=False) as results:
             (folder / SUMMARY).write_text(summary_text(results), encoding="utf-8")
         (folder / USED_DECK).write_text(text, encoding="utf-8")

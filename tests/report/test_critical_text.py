@@ -40,9 +40,9 @@ def test_full_engagement(full):
     said = text(full)
     assert "**T_full = 11.9167454367 N·m** (closed form, to rounding)" in said
     assert "0.951456732" in said and "Other motions may rattle" in said
-    assert ("| n0 | contact can be kept from | brake torque (N·m) | 11.9167454367 | rounding |"
+    assert ("| n0 | contact can be kept above | brake torque (N·m) | 11.9167454367 | rounding |"
             in said)
-    assert headline(full) == "contact can be kept from: T_full = 11.9167454367 N·m"
+    assert headline(full) == "contact can be kept above T_full = 11.9167454367 N·m"
 
 
 def test_the_last_rattling(safe):
@@ -74,8 +74,13 @@ def test_no_motion_but_engagement(full, safe):
 def test_the_last_back_impact(back):
     said = text(back)
     assert "**last back impact seen at 0.7 N·m**" in said
-    assert "none at the 2 values examined from 0.9 to 1.1, 680 cycles in all" in said
-    assert "95 % confidence" in said and "one cycle in 113" in said  # -ln 0.05/340
+    assert "none at the 2 values examined from 0.9 to 1.1 N·m, 680 cycles in all" in said
+    # -ln 0.05/340
+    assert "fewer than one burst of back impacts begins in 113 mesh cycles, with 95 %" in said
+    assert re.search(r"\(\d+ of 340 mesh cycles, in \d+ bursts?\)", said)
+    assert "±" not in headline(back)
+    assert headline(back) == ("last back impact seen at 0.7 N·m; none at the 2 values examined "
+                              "from 0.9 to 1.1 N·m")
     assert "at every value of the grid between" in said
 
 
@@ -90,7 +95,7 @@ def test_bands_are_told(back):
 def test_failures_are_told(safe):
     failing = safe.copy(deep=True)
     failing["trial_failed"][0] = 3
-    assert "**3 motions failed numerically and count as rattling.**" in text(failing)
+    assert "**3 motions failed numerically; no value with one is taken as safe.**" in text(failing)
     assert "failed" not in text(safe)
 
 
@@ -107,7 +112,7 @@ def test_ends_of_the_range():
     assert "**none between 13.5 and 13 N·m**: no motion rattles at all 2 values" in text(above)
     below = lapwing.critical_safe(PAIR, SHIPPED, values=[11, 11.5], **SMALL)
     assert "**beyond 11.5 N·m**: already at this value" in text(below)
-    assert headline(below) == "no rattling survives: T_safe beyond 11.5"
+    assert headline(below) == "T_safe: not found: beyond 11.5, if any"
 
 
 @pytest.mark.parametrize(("amplitude", "words"), [
@@ -123,7 +128,7 @@ def test_another_parameter_names_itself():
     found = lapwing.critical_full(PAIR, SHIPPED, parameter="pinion_speed_rpm", brake_torque=12,
                                   values=np.arange(100, 401, 50), safe_end="low")
     said = text(found)
-    assert re.search(r"\*\*pinion speed rpm = 240\.\d+ rpm\*\* \(scan of 7 values from 100", said)
+    assert re.search(r"\*\*pinion speed = 240\.\d+ rpm\*\* \(scan of 7 values from 100", said)
     assert "below it contact *can* be kept, by the engaged motion; just above it" in said
 
 

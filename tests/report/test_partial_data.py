@@ -32,7 +32,7 @@ def test_every_sentence_rests_on_results(sweeps, name, damage):
         line, = headlines((), {}, {name: data})
     done = data["status"].values == Status.OK
     assert not re.search(r"\b(nan|inf)\b", said)
-    assert line.startswith(f"{name}: {done.sum()} of {done.size} points")
+    assert line.startswith(f"{name}: {done.sum()} of {done.size} points have")
     if not done.any():
         assert "nothing is known of its motions" in said
         assert "hysteresis" not in said and "last" not in said and "T_full" not in said
@@ -76,7 +76,7 @@ def test_an_interrupted_sweep_knows_no_hysteresis_and_no_last_impact_above(sweep
     said = "\n".join(sweep_text(interrupted(sweeps["torque"])))
     assert "- hysteresis: not known (0 values in common)" in said
     assert "; no result at the other 4" in said
-    assert not re.search(r"last back impact: none \(", said)
+    assert not re.search(r"last back impact seen: none \(", said)
 
 
 def test_rattling_above_complete_engagement_is_said_with_its_start(sweeps):

@@ -9,14 +9,13 @@ import pytest
 import lapwing
 from helpers import PAIR, SHIPPED, as_in_a_deck, scene_a
 from lapwing.report.hysteresis import _runs
+from lapwing.report.numbers import doubtful, with_error
 from lapwing.report.summary import (
-    _doubtful,
     _energy_sentence,
     _motion_sentence,
     _table,
     _times,
     summary_text,
-    with_error,
 )
 from lapwing.results import read_results, write_results
 from lapwing.studies.response import response
@@ -70,7 +69,7 @@ def test_a_bouncing_response_beside_its_claim(text):
     words = paragraph(text, "bounces")
     assert "5 impacts per cycle (as here)" in words
     assert "320 µrad deepest separation (here +0.39 %)" in words
-    assert re.search(r"321\.237 \(change \de-\d\d\) µrad of 2000 µrad", words)
+    assert re.search(r"321\.237 \(error \de-\d\d\) µrad of 2000 µrad", words)
     assert "Settled" in words
 
 
@@ -84,7 +83,9 @@ def test_an_engaged_response(text):
 
 def test_chaos_is_marked_as_statistics(text):
     assert row(text, "chaos")["motion"] == "no period"
-    assert row(text, "chaos")["mesh force, mean / peak (N)"].startswith("≈ ")
+    # 24 cycles are too few for an interval of the mean; the peak is the greatest one seen.
+    assert re.fullmatch(r"≈ [\d.]+ \(change [\d.e-]+\) / ≥ [\d.]+",
+                        row(text, "chaos")["mesh force, mean / peak (N)"])
     assert "Without a period" in paragraph(text, "chaos")
 
 
@@ -97,7 +98,7 @@ def test_sweep(text):
     findings = text.split("## Sweep torque")[1]
     assert "brake torque from 11.5 to 12.7 N·m: 13 values × 3 starts" in findings
     assert "none of 39 failed" in findings
-    assert ("last back impact: none at 13 values from 11.5 to 12.7 N·m (each from rest, "
+    assert ("last back impact seen: none at 13 values from 11.5 to 12.7 N·m (each from rest, "
             "carried upwards, carried downwards)") in findings
     kept = next(line for line in findings.splitlines() if line.startswith("- T_full"))
     assert kept.startswith("- T_full = 11.91674544 N·m: contact *can* be kept from here")
@@ -107,12 +108,12 @@ def test_sweep(text):
     # Bouncing survives above complete engagement when carried upwards (docs/model.md, section 8).
     hysteresis = re.search(r"differ in period, impacts or depth at (.*)", findings)[1]
     assert re.search(r"(11\.9|12)–12\.\d N·m", hysteresis)
-    assert re.search(r"last separation [^:]*: 11\.9 N·m, none at 12 N·m \(each from rest.*\); "
+    assert re.search(r"last separation seen [^:]*: 11\.9 N·m, none at 12 N·m \(each from rest.*\); "
                      r"12\.\d N·m, none at 12\.\d N·m \(carried up", findings)
 
 
 def test_a_sweep_has_a_table_of_at_most_twelve_values(text):
-    table = [line for line in text.split("Some of the motions each from rest")[1].splitlines()
+    table = [line for line in text.split("Some of the motions, each from rest")[1].splitlines()
              if line.startswith("|")]
     assert table[0].startswith("| brake torque (N·m) | impacts per cycle |")
     assert len(table) == 2 + 12
@@ -126,20 +127,37 @@ def test_runs_leave_out_where_nothing_differs():
 
 ATTRS = {"status": 0, "status_reference": 0, "motion_class": "9:(0,0)", "error_kind": "convergence",
          "motion_class_reference": "1:(0,0)", "impact_energy_per_cycle": -2e-3,
-         "impact_energy_per_cycle_error": 1e-9, "impacts_per_cycle": 1.0,
-         "impacts_per_cycle_error": 0.0, "max_period": 24, "period": 1,
-         "chatter_ends_per_cycle": 1.0}
+         "impact_energy_per_cycle_error": 1e-9, "impact_energy_per_cycle_change": 1e-10,
+         "impact_energy_per_cycle_transient": 2e-10, "impacts_per_cycle": 1.0,
+         "impacts_per_cycle_error": 0.0, "impacts_per_cycle_change": 0.0,
+         "max_period": 24, "period": 1, "chatter_ends_per_cycle": 1.0}
+
+SURE = ATTRS | {"motion_class_reference": "9:(0,0)"}
 
 
 def test_a_motion_the_second_run_does_not_confirm_is_doubtful():
-    assert _doubtful(ATTRS)
-    assert not _doubtful(ATTRS | {"motion_class_reference": "9:(0,0)"})
-    assert not _doubtful(ATTRS | {"status_reference": 4})
+    assert doubtful(ATTRS)
+    assert not doubtful(SURE)
+    assert not doubtful(ATTRS | {"status_reference": 4})
 
 
 def test_energy_fed_in_is_a_gain():
-    assert "the motion gains 2 (change 1e-06) mJ" in _energy_sentence(ATTRS)
-    assert "take 2 (change 1e-06) mJ" in _energy_sentence(ATTRS | {"impact_energy_per_cycle": 2e-3})
+    assert "the motion gains 2 (error 1e-06) mJ" in _energy_sentence(SURE)
+    assert "take 2 (error 1e-06) mJ" in _energy_sentence(SURE | {"impact_energy_per_cycle": 2e-3})
+
+
+@pytest.mark.parametrize(("changes", "shown"), [
+    ({}, "take 2 (error 1e-06) mJ"),
+    # The second run does not confirm the period, or a file has no more than a change.
+    ({"motion_class_reference": "aperiodic"}, "take ≈ 2 (change 2e-07) mJ"),
+    ({"impact_energy_per_cycle_change": None}, "take ≈ 2 (change 1e-06) mJ"),
+    ({"status_reference": 4, "impact_energy_per_cycle_change": math.nan,
+      "impact_energy_per_cycle_error": math.nan}, "take 2 mJ"),
+    ({"period": 0, "impact_energy_per_cycle_error": 0.0003}, "take 2 ± 0.3 mJ"),
+    ({"period": 0, "impact_energy_per_cycle_error": math.nan}, "take ≈ 2 (change 2e-07) mJ")])
+def test_estimates_intervals_and_changes_have_their_own_names(changes, shown):
+    attrs = SURE | {"impact_energy_per_cycle": 2e-3} | changes
+    assert shown in _energy_sentence({k: v for k, v in attrs.items() if v is not None})
 
 
 def test_one_is_singular():
@@ -160,14 +178,16 @@ def test_provenance_ends_it(text):
 
 
 @pytest.mark.parametrize(("value", "error", "shown"), [
-    (321.236871, 2e-9, "321.237 (change 2e-09)"), (321.236871, 0.3, "321.2 (change 0.3)"),
-    (321.236871, 40, "320 (change 40)"), (5.0, 0.0, "5"), (0.0, 0.0, "0"),
-    (1.5, 7.0, "2 (change 7)"), (2.0, math.nan, "2"), (math.nan, 0.0, "–"),
-    (1234567.0, 2e5, "1.2e+06 (change 200000)")])
+    (321.236871, 2e-9, "321.237 (error 2e-09)"), (321.236871, 0.3, "321.2 (error 0.3)"),
+    (321.236871, 0.31, "321.2 (error 0.4)"),  # never told too small
+    (321.236871, 40, "320 (error 40)"), (5.0, 0.0, "5"), (0.0, 0.0, "0"),
+    (1.5, 7.0, "2 (error 7)"), (2.0, math.nan, "2"), (math.nan, 0.0, "–"),
+    (1234567.0, 2e5, "1.2e+06 (error 200000)")])
 def test_errors_are_readable(value, error, shown):
     assert with_error(value, error) == shown
 
 
 def test_an_invisible_error_may_be_left_out():
     assert with_error(321.236871, 2e-9, brief=True) == "321.237"
-    assert with_error(321.236871, 0.3, brief=True) == "321.2 (change 0.3)"
+    assert with_error(321.236871, 0.3, brief=True) == "321.2 (error 0.3)"
+    assert with_error(321.236871, 0.3, "±") == "321.2 ± 0.3"

@@ -8,11 +8,11 @@ import numpy as np
 
 from lapwing.codes import SearchStage
 from lapwing.findings import words_beyond
-from lapwing.report.words import UNITS, markdown, plural
+from lapwing.report.words import UNITS, markdown, parameter_words, plural
 
 SYMBOLS = {"full": "T_full", "safe": "T_safe", "back": "T_back", "on": "T_on"}
-MEANINGS = {"full": "contact can be kept from", "safe": "no rattling survives",
-            "back": "last back impact", "on": "rigid tooth stays on"}
+MEANINGS = {"full": "contact can be kept", "safe": "no rattling seen",
+            "back": "last back impact seen", "on": "a resting rigid tooth stays on"}
 # Bands of back impacts named one by one; of more the outermost.
 BANDS = 8
 REASONS = {"thrown_off": "a kink that throws the tooth off",
@@ -32,10 +32,9 @@ def critical_text(criticals, sweeps=()):
     -------
     list of str, lines of Markdown
     """
-    rows = [("name", "what", "parameter", "value", "bar")]
-    rows += [(one.attrs["name"], MEANINGS[one.attrs["find"]],
-              one.attrs["parameter"].replace("_", " ") + f" ({_unit(one)})" * bool(_unit(one)),
-              *_cells(one)) for one in criticals]
+    rows = [("name", "what", "parameter", "value", "uncertainty")]
+    rows += [(one.attrs["name"], _meaning(one), parameter_words(one.attrs["parameter"])
+              + f" ({_unit(one)})" * bool(_unit(one)), *_cells(one)) for one in criticals]
     lines = [*markdown(rows), ""]
     for one in criticals:
         lines += [f"- `{one.attrs['name']}`: {_sentences(one)}{_seen(one, sweeps)}"]
@@ -53,11 +52,15 @@ def headline(critical):
     -------
     str
     """
-    value, bar = _cells(critical)
-    text = f"{MEANINGS[critical.attrs['find']]}: {_name(critical)} {value}"
-    if critical.attrs["outcome"] != "found":
-        return text.replace(" =", "")
-    return f"{text}{f' ± {bar}' if bar[0].isdigit() else ''} {_unit(critical)}".rstrip()
+    attrs, (value, bar) = critical.attrs, _cells(critical)
+    if attrs["outcome"] != "found" or not _bounded(critical):
+        name = SYMBOLS[attrs["find"]] if attrs["parameter"] == "brake_torque" else "critical value"
+        return f"{name}: {value}"
+    if attrs["find"] == "back":
+        return (f"{_meaning(critical)} at {_with_unit(critical, attrs['last_seen'])}; "
+                f"none at the {_quiet(critical)}")
+    bar = f" {bar}" * bar.startswith("±")
+    return f"{_meaning(critical)} {_name(critical)} {value}{bar} {_unit(critical)}".rstrip()
 
 
 def decimals(value, bar):
@@ -66,22 +69,44 @@ def decimals(value, bar):
     return f"{value:.{places}f}", f"{bar:.2g}"
 
 
+def _meaning(critical):
+    """What holds, and on which side of the value."""
+    find = critical.attrs["find"]
+    return MEANINGS[find] + f" {_sides(critical)[0]}" * (find != "back")
+
+
 def _cells(critical):
-    """Value and bar of the table: half a bracket's width, or the step of the grid."""
+    """Value of the table and how sure it is: rounding, half a bracket, the next value tried."""
     attrs = critical.attrs
     if not _known(critical):
         return "not known", "–"
     if attrs["outcome"] != "found":
-        return {"safe_throughout": f"none down to {attrs.get('scan_to', 0):g}"
-                if attrs.get("safe_end") == "high" else f"none up to {attrs.get('scan_to', 0):g}",
-                "none_seen": "none seen",
-                "unsafe_throughout": f"beyond {attrs.get('scan_from', 0):g}"}.get(
-                    attrs["outcome"], "none"), "–"
+        end = "down" if attrs.get("safe_end") == "high" else "up"
+        return {"safe_throughout": f"none {end} to {attrs.get('scan_to', 0):g}",
+                "none_seen": f"none seen {end} to {attrs.get('scan_to', 0):g}",
+                "unsafe_throughout": f"not found: beyond {attrs.get('scan_from', 0):g}, if any"
+                }.get(attrs["outcome"], "none"), "–"
     if attrs["find"] in ("full", "on"):
         return f"{attrs['estimate']:.12g}", "rounding"
     if attrs["find"] == "back":
-        return f"{attrs['estimate']:g}", f"{attrs['bar']:.2g}"
-    return decimals(attrs["estimate"], attrs["bar"])
+        return f"{attrs['last_seen']:g}", f"none seen at the next, {attrs['first_clean']:g}"
+    if not _bounded(critical):
+        limit = "at most" if attrs["safe_end"] == "high" else "at least"
+        return f"{limit} {attrs['clean']:g}", "motions failed beyond"
+    value, bar = decimals(attrs["estimate"], attrs["bar"])
+    return value, f"± {bar}"
+
+
+def _bounded(critical):
+    """Whether both ends of a bracket were seen: no motion rattles at one, some do at the other."""
+    attrs = critical.attrs
+    return attrs["find"] != "safe" or bool(_worst(_tried(critical), attrs["rattling"])["rattling"])
+
+
+def _tried(critical):
+    """The trials without the one that follows rattling longer."""
+    return critical.isel(trial=np.flatnonzero(
+        critical["trial_stage"].values < SearchStage.CONFIRMATION))
 
 
 def _known(critical):
@@ -102,7 +127,7 @@ def _name(critical):
     attrs = critical.attrs
     if attrs["parameter"] == "brake_torque":
         return SYMBOLS[attrs["find"]] + " ="
-    return attrs["parameter"].replace("_", " ") + " ="
+    return parameter_words(attrs["parameter"]) + " ="
 
 
 def _seen(critical, sweeps):
@@ -129,7 +154,7 @@ def _sides(critical):
 
 def _sentences(critical):
     sentences = {"full": _full, "on": _on, "safe": _safe, "back": _back}[critical.attrs["find"]]
-    return sentences(critical) + (" (The group sets torque or speed of its own.)"
+    return sentences(critical) + (" (At a torque or speed of its own, set in its group.)"
                                   * bool(critical.attrs.get("own_operation", 0)))
 
 
@@ -189,7 +214,7 @@ def _safe(critical):
         return " ".join((_throughout(critical, "no motion rattles", bad),
                          _failures(critical) + looked))
     last, first = attrs["rattling"], attrs["clean"]
-    trials = critical.isel(trial=np.flatnonzero(critical["trial_stage"] < SearchStage.CONFIRMATION))
+    trials = _tried(critical)
     at_last = _worst(trials, last)
     scanned = critical["trial_value"].values[critical["trial_stage"].values == SearchStage.SCAN]
     beyond = int(np.sum((scanned - first) * (first - last) > 0))
@@ -198,8 +223,10 @@ def _safe(critical):
              f"{attrs['scan_from']:g}," if beyond else ""
     still = f"{at_last['rattling']} of {at_last['starts']} motions still rattle" \
         if at_last["rattling"] else "some motion failed numerically, and none is seen to rattle"
-    return (f"**{_name(critical)} {value} ± {bar} {_unit(critical)}** (the middle of a bracket and "
-            f"half its width): at {_with_unit(critical, last)} {still}, "
+    head = f"**{_name(critical)} {value} ± {bar} {_unit(critical)}** (the middle of a bracket " \
+        "and half its width)" if at_last["rattling"] else \
+        f"**{_name(critical).removesuffix(' =')} {_cells(critical)[0]} {_unit(critical)}**"
+    return (f"{head}: at {_with_unit(critical, last)} {still}, "
             f"at {_with_unit(critical, first)}{others} none. "
             + _failures(trials) + _confirmation(critical) +
             f"Rattling motions were carried on in steps of {2 * attrs['resolution']:.3g} "
@@ -215,14 +242,16 @@ def _worst(trials, value):
 
 
 def _decided(critical):
-    """Whether a motion was seen to rattle, and the end of the search is not failures alone."""
-    return bool(critical["trial_rattling"].values.any())
+    """Whether a motion was seen to rattle at the safe end of the search, not failures alone."""
+    at = critical["trial_value"].values == critical.attrs["scan_from"]
+    return bool(critical["trial_rattling"].values[at].any())
 
 
 def _failures(trials):
     failed = int(trials["trial_failed"].sum())
-    how = "count as rattling" if "trial_rattling" in trials else "are left out"
-    return f"**{failed} motions failed numerically and {how}.** " if failed else ""
+    how = "no value with one is taken as safe" if "trial_rattling" in trials else \
+        "they are left out"
+    return f"**{plural(failed, 'motion')} failed numerically; {how}.** " if failed else ""
 
 
 def _confirmation(critical):
@@ -230,9 +259,12 @@ def _confirmation(critical):
     if not np.any(stage == SearchStage.CONFIRMATION):
         return ""
     one = critical.isel(trial=int(np.flatnonzero(stage == SearchStage.CONFIRMATION)[0]))
-    return (f"Of {int(one['trial_starts'])} of those followed ten times as long "
-            f"{int(one['trial_rattling'])} still rattle"
-            + (". " if int(one["trial_rattling"]) else ": there, rattling is a long transient. "))
+    starts, rattling, failed = (int(one[f"trial_{key}"]) for key in (
+        "starts", "rattling", "failed"))
+    transient = ": there, rattling is a long transient" * (not rattling and not failed)
+    lost = f", {failed} failed" * bool(failed)
+    return (f"Of {starts} of those followed ten times as long {rattling} still "
+            f"{'rattles' if rattling == 1 else 'rattle'}{lost}{transient}. ")
 
 
 def _further(critical):
@@ -243,8 +275,14 @@ def _further(critical):
     if not count:
         return ""
     side = _sides(critical)[1]
-    quiet = further["trial_value"].values[further["trial_rattling"].values == 0]
+    still = further["trial_rattling"].values == 0
+    blind = still & (further["trial_failed"].values > 0)
+    quiet = further["trial_value"].values[still & ~blind]
     carried = "and motions found there were carried back to it"
+    if blind.any():
+        return (f"Of the {plural(count, 'value')} tried {side} the bracket some motion rattles at "
+                f"{int((~still).sum())}, none at {quiet.size}; at {int(blind.sum())} motions "
+                "failed and none is seen to rattle. ")
     if not quiet.size:
         return (f"At each of the {plural(count, 'value')} tried {side} the bracket some motion "
                 f"rattles, {carried}. ")
@@ -270,11 +308,22 @@ def _back(critical):
         return _throughout(critical, "", "a back impact is seen") + " " + looked
     at = int(np.flatnonzero(critical["trial_value"].values == attrs["last_seen"])[0])
     seen, cycles = (int(critical[f"trial_{key}"].values[at]) for key in ("back_cycles", "cycles"))
+    bursts = f", in {plural(int(critical['trial_bursts'].values[at]), 'burst')}" \
+        if "trial_bursts" in critical else ""
     return (f"**last back impact seen at {_with_unit(critical, attrs['last_seen'])}** ({seen:,} of "
-            f"{cycles:,} mesh cycles); none at the {plural(examined.sum(), 'value')} examined from "
-            f"{attrs['first_clean']:g} to {attrs['clean_end']:g}, {attrs['clean_cycles']:,} "
-            "cycles in all. "
+            f"{cycles:,} mesh cycles{bursts}); none at the {_quiet(critical)}, "
+            f"{attrs['clean_cycles']:,} cycles in all. "
             + _bound(critical) + _bands(critical) + " " + _failures(critical) + looked)
+
+
+def _quiet(critical):
+    """The values without a back impact next to the safe end, those at which anything is known."""
+    attrs = critical.attrs
+    examined = np.flatnonzero(critical["trial_cycles"].values[:attrs["clean_values"]] > 0)
+    blind = attrs["clean_values"] - examined.size
+    return (f"{plural(examined.size, 'value')} examined from {attrs['first_clean']:g} to "
+            f"{_with_unit(critical, attrs['clean_end'])}"
+            + f" (every motion failed at {blind} more)" * bool(blind))
 
 
 def _bound(critical):
@@ -288,15 +337,17 @@ def _bound(critical):
         return (f"**At {plural(blind, 'value')} of this range every motion failed; nothing is "
                 "known there.** ")
     least = int(examined.min())
-    return (f"At each of these less than one cycle in {1 / attrs['rate_bound']:,.0f} has one, with "
-            f"{percent} confidence (one-sided, exact Poisson limit for none in {least:,} cycles "
-            "taken as independent). ")
+    return ("At each of these fewer than one burst of back impacts begins in "
+            f"{1 / attrs['rate_bound']:,.0f} mesh cycles, with {percent} confidence (one-sided; "
+            f"exact Poisson limit for none seen in {least:,} cycles, bursts taken as "
+            "independent). ")
 
 
 def _bands(critical):
     """Values with and without a back impact, from low to high."""
     order = np.argsort(critical["trial_value"].values)
-    blind = bool((critical["trial_cycles"].values == 0).any())
+    order = order[critical["trial_cycles"].values[order] > 0]
+    blind = order.size < critical.sizes["trial"]
     values = critical["trial_value"].values[order]
     hit = critical["trial_back_cycles"].values[order] > 0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], hit, [False]]).astype(int)))
@@ -307,7 +358,8 @@ def _bands(critical):
                 f"{'examined ' * blind}between.")
     shown = runs if len(runs) <= BANDS else [*runs[:BANDS // 2], "…", *runs[-BANDS // 2:]]
     return (f"**Not one threshold:** back impacts come in {len(runs)} bands of the grid, "
-            + ", ".join(shown) + f" {_unit(critical)}, and none seen between them.")
+            + ", ".join(shown) + f" {_unit(critical)}, and none is seen at the values "
+            f"{'examined ' * blind}between them.")
 
 
 def _together(criticals):

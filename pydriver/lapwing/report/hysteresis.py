@@ -155,7 +155,9 @@ def _table(runs, branches, values, unit):
                      _jump(branches, values, last, last + 1)))
     text = f" (the widest of {len(runs)})" if left_out > 0 else ""
     return ["", f"Two motions beside each other{text}, as found at the middle of each interval; a "
-            "jump lies between the two values given:", "", *markdown(rows)]
+            "jump lies between the two values given. p:(a,b) repeats every p mesh cycles with a "
+            f"drive and b coast {branches['up'].law.word}s in that time, c: with complete "
+            "chatter:", "", *markdown(rows)]
 
 
 def _rest(branches, i):

@@ -70,12 +70,14 @@ def _multipliers(attrs):
 
 
 def _exponent(attrs):
-    """The largest exponent per mesh cycle and per τ, with its error where there is one."""
+    """The largest exponent per mesh cycle and per τ, with its 95 % interval where there is one."""
     rate, error = attrs["lyapunov_exponent"], attrs["lyapunov_exponent_error"]
     cycle = attrs["lyapunov_exponent_per_cycle"]
-    if "multiplier_real" in attrs or not math.isfinite(error) or not rate:
+    if "multiplier_real" in attrs or not rate:
         return f"{cycle:.4g} per mesh cycle ({rate:.4g} per τ)"
-    return (f"{cycle:.3g} ± {error * cycle / rate:.1g} per mesh cycle ({rate:.3g} ± {error:.1g} "
+    if not math.isfinite(error):
+        return f"{cycle:.2g} per mesh cycle ({rate:.2g} per τ), by how much it is off is not known"
+    return (f"{cycle:.3g} ± {error * cycle / rate:.2g} per mesh cycle ({rate:.3g} ± {error:.2g} "
             "per τ; 95 %, by batch means)")
 
 
@@ -95,7 +97,7 @@ def sweep_stability(sweep, unit):
     without = flagged & np.isnan(rate)
     lost = done & (sweep["tangent_rank"].values < 2)
     open_ = done & (sweep["period"].values == 0) & ~np.isfinite(rate - error)
-    lines = [f"- chaos (largest Lyapunov exponent above zero beyond its error): at "
+    lines = [f"- chaos (all of the 95 % interval of the largest Lyapunov exponent above zero): at "
              f"{_counted(chaotic, done & ~open_)}"
              + (f", the largest {_largest(sweep, chaotic, unit)}" if chaotic.any() else "")
              + f"; not known at {int(open_.sum())}" * bool(open_.any()),

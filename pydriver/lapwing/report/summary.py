@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from lapwing.arrivals import arrivals_in
 from lapwing.codes import MotionState
 from lapwing.report.critical import critical_text
+from lapwing.report.numbers import count_words, doubtful, repeats, value_words
 from lapwing.report.stability import aperiodic_words, stability_sentence
 from lapwing.report.sweep import sweep_text
 from lapwing.report.words import markdown, method_words, plural
@@ -43,42 +42,19 @@ def summary_text(results):
                                  [results.sweep(name) for name in results.sweeps])]
     for name in results.sweeps:
         lines += ["", f"## Sweep {name}", "", *sweep_text(results.sweep(name))]
-    if not (responses or results.criticals or results.sweeps):
-        lines += ["", "No study was finished: nothing is known."]
+    lines += _missing(results)
     return "\n".join([*lines, "", "## Provenance", "", *_provenance(results)]) + "\n"
 
 
-def with_error(value, error, brief=False):
-    """`value (change error)`, the value to the digits its error leaves (at most six).
-
-    Parameters
-    ----------
-    value, error : float; an error, the difference of two runs or of the halves of one, that is
-        not finite, or zero, is left out
-    brief : bool, leave out an error too small to touch the digits shown
-
-    Returns
-    -------
-    str
-    """
-    if not math.isfinite(value):
-        return "–"
-    if not math.isfinite(error):
-        return f"{value:.4g}"
-    if error == 0:
-        return f"{value:.6g}"
-    digits = 6
-    if value != 0:
-        digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(error)) + 1
-    if brief and digits > 6:
-        return f"{value:.6g}"
-    return f"{_plain(value, digits)} (change {_plain(error, 1)})"
-
-
-def _plain(value, digits):
-    """A number to so many digits (1 to 6), without an exponent where it can be avoided."""
-    text = f"{value:.{min(max(digits, 1), 6)}g}"
-    return f"{float(text):g}" if "e" in text else text
+def _missing(results):
+    """The studies of the deck that have no result, by name; none where all have."""
+    nothing = not (results.responses or results.criticals or results.sweeps)
+    if not (nothing or results.missing):
+        return []
+    names = ", ".join(f"{kind} `{name}`" for kind, name in results.missing)
+    return ["", "## Not finished", "", " ".join(
+        ["The run was stopped before all studies of the deck were finished."] * results.interrupted
+        + [f"No result: {names}."] * bool(names) + ["Nothing is known."] * nothing)]
 
 
 def _gear(results, responses):
@@ -111,12 +87,12 @@ def _table(responses):
         if one["status"]:
             row += [f"**failed: {one['status_meaning'].replace('_', ' ')}**", *"–––––"]
         else:
-            row += [_motion(one) + " ?" * _doubtful(one),
-                    f"{_count(one, '')} / {_count(one, 'back_')}",
-                    _value(one, "deepest_separation", 1e6, True), _contact(one),
-                    " / ".join(_value(one, f"mesh_force_{key}", 1.0, True)
+            row += [_motion(one) + " ?" * doubtful(one),
+                    f"{count_words(one, '')} / {count_words(one, 'back_')}",
+                    value_words(one, "deepest_separation", 1e6, True), _contact(one),
+                    " / ".join(value_words(one, f"mesh_force_{key}", 1.0, True)
                                for key in ("mean", "peak")),
-                    _value(one, "impact_energy_per_cycle", 1e3, True)
+                    value_words(one, "impact_energy_per_cycle", 1e3, True)
                     if arrivals_in(one).word == "impact" else "–"]
         rows.append((*row, *[_claim(one) or "–"] * claimed))
     return markdown(rows)
@@ -131,17 +107,23 @@ def _legend(responses):
     """How to read the table."""
     rules = sorted({(arrivals_in(one).word, arrivals_in(one).rule(one["count_depth"])
                      + " separation" * arrivals_in(one).threshold) for one in responses})
-    doubtful = any(_doubtful(one) for one in responses)
+    there = [one for one in responses if not one["status"]]
+    unsure = any(doubtful(one) for one in there)
+    periodic, wild = (any(repeats(one) is wanted and not doubtful(one) for one in there)
+                     for wanted in (True, False))
     fed = any(bool(one["impact_energy_per_cycle"] < 0) for one in responses)
     return ["; ".join(f"{word}s are counted {rule}" for word, rule in rules).capitalize() + ". "
-            "The change is the difference to a second "
-            "run, with rk4 at a tolerance of its own; in this table it is left out where it lies "
-            "below the last digit. ≈ marks a motion without a period in one of the two runs: the "
-            "change is then the greater of two "
-            "differences of averages or greatest values, between the two runs and between the "
-            "halves of the record. Neither is a bound of the error. "
+            "Each run is repeated with rk4 at a tolerance of its own. "
+            + "Of a motion that repeats, the error is an estimate from the difference of the two "
+            "runs and that of the halves of the record, and no bound; in this table it is left "
+            "out where it lies below the last digit. " * periodic
+            + "Of a motion without a period, ± is half of the 95 % interval of an average over "
+            "cycles; ≥ marks the greatest value seen, which a longer record may exceed. " * wild
+            + "≈ marks what has neither: the change is the greater of two differences, of the two "
+            "runs and of the halves of the record, and says little of the error. "
+            * (wild or unsure)
             + "“?” marks a motion that the second run does not confirm: it gives another class. "
-            * doubtful
+            * unsure
             + f"A class p:(a,b) repeats every p mesh cycles with a drive and b coast "
             f"{_arrivals(responses)} in that time; c is appended for complete chatter. "
             "Mesh force is that of spring and damper, impacts apart."
@@ -149,42 +131,9 @@ def _legend(responses):
             "it, as it may under the absolute law." * fed]
 
 
-def _value(attrs, key, factor=1.0, brief=False):
-    """One number with its error, marked where it is a statistic."""
-    text = with_error(factor * attrs[key], abs(factor) * _error(attrs, key), brief)
-    chance = not _converges(attrs) and attrs[key] != 0 and text != "–"
-    return ("≈ " if chance else "") + text
-
-
-def _error(attrs, key):
-    """Difference of the two runs; without a period not less than that of the two halves."""
-    error = attrs[f"{key}_error"]
-    if _converges(attrs):
-        return error
-    return float(np.fmax(error, abs(attrs[f"{key}_transient"])))
-
-
-def _converges(attrs):
-    """Whether single numbers do: both runs have a period, or the one that did not fail."""
-    return attrs["error_kind"] == "convergence" or bool(attrs["period"]
-                                                        and attrs["status_reference"])
-
-
-def _count(attrs, side):
-    key = f"{side}impacts_per_cycle"
-    error = _error(attrs, key)
-    return f"{attrs[key]:g}" if error == 0 else with_error(attrs[key], error)
-
-
 def _motion(attrs):
     chatter = ", complete chatter" if attrs["chatter_ends_per_cycle"] > 0 else ""
     return (f"period {attrs['period']}" if attrs["period"] else "no period") + chatter
-
-
-def _doubtful(attrs):
-    """Whether the second run ends in a motion of another class."""
-    return bool(not attrs["status"] and not attrs["status_reference"]
-                and attrs["motion_class_reference"] != attrs["motion_class"])
 
 
 def _on_coast_flank(attrs):
@@ -228,7 +177,8 @@ def _paragraph(attrs):
         sentences.append("The coast flanks never part; the drive flanks never touch.")
     else:
         sentences.append(
-            f"The drive flanks part by up to {_value(attrs, 'deepest_separation', 1e6)} µrad of "
+            "The drive flanks part by up to "
+            f"{value_words(attrs, 'deepest_separation', 1e6)} µrad of "
             f"{1e6 * attrs['gap_width']:g} µrad and strike {_times(attrs, '')} per cycle"
             + (" " if arrivals_in(attrs).threshold else ", ")
             + f"({attrs['resolved_impacts_per_cycle']:g} counting every bounce), "
@@ -237,14 +187,14 @@ def _paragraph(attrs):
         sentences += [*words, *_impact_words(attrs)]
         if attrs["deepest_back_penetration"] > 0:
             sentences.append("The coast flank is pressed in by up to "
-                             f"{_value(attrs, 'deepest_back_penetration', 1e6)} µrad.")
+                             f"{value_words(attrs, 'deepest_back_penetration', 1e6)} µrad.")
     sentences += [_times_of_states(attrs), stability_sentence(attrs), _force_sentence(attrs),
                   _comparison(attrs), _trust(attrs), f"({run}.)"]
     return " ".join(sentence for sentence in sentences if sentence)
 
 
 def _times(attrs, side):
-    text = _count(attrs, side)
+    text = count_words(attrs, side)
     return text + (" time" if text == "1" else " times")
 
 
@@ -252,8 +202,9 @@ def _energy_sentence(attrs):
     """What the impacts take, or what the motion gains: the absolute law may feed energy in."""
     if attrs["impact_energy_per_cycle"] < 0:
         return ("In the impacts the motion gains "
-                f"{_value(attrs, 'impact_energy_per_cycle', -1e3)} mJ in each cycle.")
-    return f"The impacts take {_value(attrs, 'impact_energy_per_cycle', 1e3)} mJ in each cycle."
+                f"{value_words(attrs, 'impact_energy_per_cycle', -1e3)} mJ in each cycle.")
+    return (f"The impacts take {value_words(attrs, 'impact_energy_per_cycle', 1e3)} mJ in each "
+            "cycle.")
 
 
 def _impact_words(attrs):
@@ -261,8 +212,8 @@ def _impact_words(attrs):
     if not math.isfinite(attrs.get("impact_speed_mean", math.nan)):
         return []
     text = (f"The {arrivals_in(attrs).word}s meet the flank at up to "
-            f"{_value(attrs, 'impact_speed_max')} rad/s, at {attrs['impact_speed_mean']:.4g} rad/s "
-            "on average")
+            f"{value_words(attrs, 'impact_speed_max')} rad/s, at {attrs['impact_speed_mean']:.4g} "
+            "rad/s on average")
     if not math.isfinite(attrs.get("energy_per_impact", math.nan)):
         return [text + "."]
     return [text + f", and take {1e3 * attrs['energy_per_impact']:.3g} mJ each on average (every "
@@ -297,8 +248,8 @@ def _force_sentence(attrs):
         return "The rigid law has no spring, hence no mesh force is given."
     impulse, factor = attrs["impact_force_mean"], attrs.get("dynamic_factor", math.nan)
     share = f" (the impacts push another {impulse:.4g} N on average)" if impulse else ""
-    return (f"The mesh force is {_value(attrs, 'mesh_force_mean')} N on average{share} and "
-            f"{_value(attrs, 'mesh_force_peak')} N at its greatest"
+    return (f"The mesh force is {value_words(attrs, 'mesh_force_mean')} N on average{share} and "
+            f"{value_words(attrs, 'mesh_force_peak')} N at its greatest"
             + f" (dynamic factor {factor:.4g})" * math.isfinite(factor) + ".")
 
 
@@ -331,12 +282,13 @@ def _trust(attrs):
     other = attrs["motion_class_reference"]
     if attrs["status_reference"]:
         sentence = "The second run, for the error, failed; no error is known."
-    elif _doubtful(attrs):
+    elif doubtful(attrs):
         sentence = ("**The second run, rk4 at tolerance "
                     f"{attrs['rtol_reference']:g}, gives another motion, {other}: "
                     "do not rely on the class.**")
-    elif not _converges(attrs):
-        sentence = "Without a period single numbers do not converge, only their averages do."
+    elif not repeats(attrs):
+        sentence = ("Without a period only averages over cycles have an interval; greatest values "
+                    "are those seen, and a longer record may hold greater ones.")
     else:
         sentence = ""
     halves = [key for key in ("deepest_separation", "mesh_force_mean", "mesh_force_peak",
@@ -347,9 +299,9 @@ def _trust(attrs):
     if not halves:
         sentence += (" Whether the motion has settled is not known: the record has no two halves "
                      "to compare.")
-    elif not attrs["period"] or not _converges(attrs):
+    elif not repeats(attrs) or doubtful(attrs):
         change = attrs["mesh_force_mean_transient"]
-        if math.isfinite(change):
+        if math.isfinite(change) and change:
             sentence += f" The mean force changes by {change:+.2g} N between the halves."
     elif moving:
         drift = ", ".join(f"{key.replace('_', ' ')} by {attrs[f'{key}_transient']:+.1g}"

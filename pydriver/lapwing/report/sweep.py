@@ -9,7 +9,7 @@ from lapwing.codes import Status
 from lapwing.findings import START_NAMES, known, names, rattles, span, words_beyond
 from lapwing.report.hysteresis import hysteresis
 from lapwing.report.stability import sweep_stability
-from lapwing.report.words import UNITS, markdown, method_words, plural
+from lapwing.report.words import UNITS, markdown, method_words, parameter_words, plural
 
 # A sweep is told in about so many lines, spread over its range.
 TABLE_LINES = 12
@@ -35,8 +35,8 @@ def sweep_text(sweep):
     values = sweep[sweep.attrs["parameter"]].values
     law = arrivals_in(sweep.attrs)
     back = (sweep["back_impacts"] + sweep["back_engages"] > 0).any("recorded_cycle").values
-    lines += [f"- last back {law.word}: " + _largest(sweep, values, back, unit),
-              "- last separation (anything but engagement of the drive flanks): "
+    lines += [f"- last back {law.word} seen: " + _largest(sweep, values, back, unit),
+              "- last separation seen (anything but engagement of the drive flanks): "
               + _largest(sweep, values, rattles(sweep), unit)]
     lines += _full_engagement(sweep, unit)
     coexisting = hysteresis(sweep, unit)
@@ -57,7 +57,7 @@ def _extent(sweep, unit):
     failed = int((status != Status.OK).sum()) - unfinished
     ends = f"at {values[0]:g}" if values.size == 1 else \
         f"from {values[0]:g} to {values[-1]:g}"
-    return (f"- {attrs['parameter'].replace('_', ' ')} {ends} {unit}".rstrip()
+    return (f"- {parameter_words(attrs['parameter'])} {ends} {unit}".rstrip()
             + f": {plural(values.size, 'value')} × {plural(sweep.sizes['start'], 'start')}, "
             + f"contact law `{attrs['contact_law']}`, " * ("contact_law" in attrs)
             + f"{plural(attrs['settle'], 'mesh cycle')} to settle and "
@@ -87,7 +87,7 @@ def _table(sweep, values, unit):
     branch, law = sweep.isel(start=start), arrivals_in(sweep.attrs)
     impacts, back = (per_cycle(branch, side) for side in ("drive", "coast"))
     depth = 1e6 * branch["deepest_separation"].max("recorded_cycle").values
-    name = sweep.attrs["parameter"].replace("_", " ")
+    name = parameter_words(sweep.attrs["parameter"])
     rows = [(name + f" ({unit})" * bool(unit), f"{law.word}s per cycle",
              f"back {law.word}s per cycle", "period (mesh cycles)", "deepest separation (µrad)")]
     for i in np.unique(np.linspace(0, values.size - 1, TABLE_LINES).round().astype(int)):
@@ -100,7 +100,7 @@ def _table(sweep, values, unit):
             cells = (lost, *"–––")
         rows.append((f"{values[i]:g}", *cells))
     which = "The motions" if values.size <= TABLE_LINES else "Some of the motions"
-    return [f"{which} {START_NAMES.get(starts[start], starts[start])}:", "", *markdown(rows)]
+    return [f"{which}, {START_NAMES.get(starts[start], starts[start])}:", "", *markdown(rows)]
 
 
 def _largest(sweep, values, seen, unit):

@@ -6,6 +6,15 @@ UNITS = {"brake_torque": "N·m", "drive_torque": "N·m", "pinion_speed_rpm": "rp
          "pinion_inertia": "kg·m²", "gear_inertia": "kg·m²"}
 
 
+NAMES = {"pinion_speed_rpm": "pinion speed", "pinion_speed_rad_s": "pinion speed",
+         "mesh_frequency_hz": "mesh frequency"}
+
+
+def parameter_words(parameter):
+    """A parameter in words, without its unit."""
+    return NAMES.get(parameter, parameter.replace("_", " "))
+
+
 def markdown(rows):
     """Lines of a table; the first row is its heading."""
     lines = ["| " + " | ".join(row) + " |" for row in rows]

@@ -30,7 +30,7 @@ KINDS = ("response", "critical", "sweep")
 
 
 def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te, osc, responses,
-                  sweeps, criticals=None, te_source=None, interrupted=False):
+                  sweeps, criticals=None, te_source=None, interrupted=False, studies=()):
     """Write the result file under a temporary name, flush it to the disk, and rename it.
 
     A reader sees the old file or the new one, never a part.  The same arguments give the same
@@ -50,6 +50,7 @@ def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te,
     criticals : dict of name -> Dataset, from `lapwing.critical_full` and the like, or None
     te_source : str or None, the table's file name or formula; default: what the table tells
     interrupted : bool, whether studies of the deck are missing or unfinished
+    studies : sequence of (kind, name), all that the deck asks for, in the order of the summary
 
     Returns
     -------
@@ -70,7 +71,8 @@ def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te,
             "title": f"Lapwing results of {deck_name}",
             "history": f"computed by Lapwing from deck {deck_name}",
             **provenance(), "deck_name": deck_name, "deck_text": deck_text,
-            "used_deck": used_text, "used_hash": used_hash, "interrupted": int(interrupted)}
+            "used_deck": used_text, "used_hash": used_hash, "interrupted": int(interrupted),
+            "studies": "\n".join(f"{kind} {name}" for kind, name in studies)}
     groups = {None: _dataset({}, root), "gear_pair": _dataset({}, _pair_attributes(pair)),
               "transmission_error": _transmission_error(te, osc, te_source or _te_source(te))}
     for order, response in enumerate(responses):
@@ -136,7 +138,9 @@ def _te_source(te):
     if len(te.harmonics):
         return " + ".join(f"{amplitude:g} rad cos(2 pi {order:g} phase + {shift:g})"
                           for order, amplitude, shift in te.harmonics)
-    return f"table of {len(te.kinks)} polynomial pieces, {int(te.kinks.sum()) or 'no'} kinks"
+    pieces, kinks = len(te.kinks), int(te.kinks.sum())
+    return (f"table of {pieces} polynomial piece{'s' * (pieces != 1)}, {kinks or 'no'} "
+            f"kink{'s' * (kinks != 1)}")
 
 
 def _labelled(sweep, name, order, responses):
@@ -220,6 +224,14 @@ class Results:
     def interrupted(self):
         """Whether studies of the deck are missing or unfinished."""
         return bool(self.attrs.get("interrupted", 0))
+
+    @property
+    def missing(self):
+        """(kind, name) of the studies that the deck asked for and that have no result."""
+        asked = [tuple(line.split(" ", 1))
+                 for line in str(self.attrs.get("studies", "")).splitlines()]
+        there = dict(zip(KINDS, (self.responses, self.criticals, self.sweeps), strict=True))
+        return tuple((kind, name) for kind, name in asked if name not in there[kind])
 
     def response(self, name):
         """Dataset of one response, read on demand."""

@@ -43,6 +43,12 @@ def is_finished(study):
     return not int(study.attrs.get("interrupted", 0))
 
 
+def studies_of(deck):
+    """(kind, name) of every study that a deck asks for, in the order they are carried out."""
+    return [(kind, study.name) for kind in ("response", "critical", "sweep")
+            for study in getattr(deck, kind + "s")]
+
+
 def compute(deck, threads, report, known=None):
     """Run the studies of a deck.
 
