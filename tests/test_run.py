@@ -326,6 +326,11 @@ def test_an_interrupted_run_goes_on_where_it_stopped(done, tmp_path, two_figures
     assert {path.name for path in outcome.folder.iterdir()} == NAMES
     with read_results(outcome.folder / "result.nc") as results:
         assert results.interrupted and results.responses == ("one",) and results.sweeps == ()
+        (kind, name), = results.missing
+        assert kind == "sweep"
+    said = (outcome.folder / "summary.md").read_text(encoding="utf-8")
+    assert f"before all studies of the deck were finished. No result: sweep `{name}`." in said
+    assert outcome.headlines[-1] == f"{name}: not finished, no result"
     with monkeypatch.context() as patch:
         patch.setattr("lapwing.studies.response.response", None)  # is not computed again
         outcome = run_deck(load_deck(done[0]), out, threads=1)

@@ -44,6 +44,26 @@ def rattles(sweep):
     return known(sweep) & np.any((visited != ENGAGED) | (impacts > 0), axis=-1)
 
 
+def search_known(critical):
+    """Whether what a search found rests on motions that were followed, not on failed ones alone."""
+    attrs = critical.attrs
+    if attrs["outcome"] == "found" or "trial_failed" not in critical:
+        return True
+    if attrs["find"] == "back":
+        return bool(critical["trial_cycles"].values.any())
+    at = critical["trial_value"].values == attrs["scan_from"]
+    return attrs["outcome"] != "unsafe_throughout" \
+        or bool(critical["trial_rattling"].values[at].any())
+
+
+def search_bounded(critical):
+    """Whether motions were seen to rattle at the unsafe end of a bracket, not to fail alone."""
+    if critical.attrs["find"] != "safe" or critical.attrs["outcome"] != "found":
+        return True
+    at = critical["trial_value"].values == critical.attrs["rattling"]
+    return bool(critical["trial_rattling"].values[at].any())
+
+
 def evidence_beyond(sweep, value):
     """What each start shows at the values above one, T_full for instance.
 

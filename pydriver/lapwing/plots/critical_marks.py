@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lapwing.findings import search_bounded, search_known
 from lapwing.plots import style
 
 SYMBOLS = {"full": "T_full", "safe": "T_safe", "back": "T_back", "on": "T_on"}
@@ -42,10 +43,10 @@ def marks_of(criticals, parameter):
         if attrs["parameter"] != parameter or attrs["outcome"] != "found" \
                 or attrs.get("own_operation", 0):
             continue
-        low, high = sorted(bracket(attrs))
+        low, high = sorted(bracket(attrs)) if search_bounded(one) else (attrs["clean"],) * 2
         side = "above" if attrs.get("safe_end", "high") == "high" else "below"
         words = {"back": "T_back: " + label_of(one),
-                 "safe": label_of(one) + f": no rattling {side}"}
+                 "safe": label_of(one) + f": no rattling seen {side}"}
         marks.append(Mark(str(attrs["find"]), float(low), float(high),
                           words.get(attrs["find"], label_of(one))))
     return sorted(marks, key=lambda mark: mark.low)
@@ -62,8 +63,13 @@ def label_of(critical):
     """The result in a few words."""
     attrs = critical.attrs
     name = SYMBOLS[attrs["find"]] if attrs["parameter"] == "brake_torque" else "critical value"
+    if not search_known(critical):
+        return f"{name}: not known"
     if attrs["outcome"] != "found":
         return f"{name}: none in the range searched"
+    if not search_bounded(critical):
+        limit = "at most" if attrs["safe_end"] == "high" else "at least"
+        return f"{name} {limit} {attrs['clean']:g}, motions failed beyond"
     if attrs["find"] == "back":
         return f"last seen at {attrs['last_seen']:g}, none at {attrs['first_clean']:g}"
     if attrs["bar"] > 0:

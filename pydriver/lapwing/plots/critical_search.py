@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lapwing.codes import SearchStage
+from lapwing.findings import search_bounded
 from lapwing.plots import style
 from lapwing.plots.critical_marks import draw_marks, label_of
 from lapwing.plots.sweep_parts import AXIS_LABELS
@@ -54,6 +55,9 @@ def draw(critical, gear_pair=None, *, title=None, marks=()):
         axes[1].set_xlim(middle - CLOSE_UP * half, middle + CLOSE_UP * half)
         axes[1].set_title(f"the bracket, {2 * half:.2g} wide")
         axes[1].set_ylabel("")
+    tried = np.unique(critical["trial_value"].values)
+    if tried.size == 1:
+        axes[0].set_xticks(tried)
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(5, len(labels)))
     name = critical.attrs.get("name", find)
@@ -63,26 +67,46 @@ def draw(critical, gear_pair=None, *, title=None, marks=()):
 
 def _safe(axis, critical):
     """Share of the motions that rattle, at each value tried."""
-    stages = critical["trial_stage"].values
-    share = 100 * critical["trial_rattling"].values / np.maximum(critical["trial_starts"].values, 1)
-    values = critical["trial_value"].values
+    stages, values = critical["trial_stage"].values, critical["trial_value"].values
+    followed = critical["trial_starts"].values - critical["trial_failed"].values
+    axis.set_ylabel("motions that rattle (% of those followed)")
+    if not followed.any():
+        _nothing(axis, values)
+        return
+    share = np.full(values.shape, np.nan)
+    np.divide(100.0 * critical["trial_rattling"].values, followed, out=share, where=followed > 0)
     for stage, look in LOOKS.items():
-        at = stages == stage
+        at = (stages == stage) & (followed > 0)
         if stage == SearchStage.CARRIED:  # of these the last step alone, not the way there
             at &= np.isin(values, (critical.attrs["rattling"], critical.attrs["clean"]))
         if at.any():
             carried = stage == SearchStage.CARRIED
             axis.plot(values[at], share[at], linestyle="", markersize=10 if carried else 6,
                       zorder=4, markerfacecolor="none" if carried else look["color"], **look)
-    failed = critical["trial_failed"].values > 0
+    failed = (critical["trial_failed"].values > 0) & (followed > 0)
     if failed.any():
         axis.plot(values[failed], share[failed], linestyle="", marker="x", markersize=9,
                   color=style.BLACK, label="some runs failed", zorder=5)
+    _lost(axis, values[followed == 0])
     axis.step(*_known_shares(values, stages, share), where="mid", color="0.75", linewidth=1,
               zorder=2)
-    _bracket(axis, critical.attrs["rattling"], critical.attrs["clean"], "bracket")
+    _bracket(axis, critical.attrs["rattling"], critical.attrs["clean"],
+             "bracket" if search_bounded(critical) else "one end quiet, the other failed")
     axis.set_ylim(-4, 104)
-    axis.set_ylabel("motions that rattle (% of the starts)")
+
+
+def _nothing(axis, values):
+    """A search of which every motion failed: the range, and no numbers of what was not seen."""
+    style.nothing(axis, "every motion failed: nothing is known")
+    _lost(axis, values)
+
+
+def _lost(axis, values):
+    """Values at which every motion failed, at the edge of the panel."""
+    if values.size:
+        axis.plot(values, np.full(values.size, 0.02), linestyle="", marker="x", markersize=7,
+                  color=style.BLACK, label="every run failed: not known", zorder=5,
+                  transform=axis.get_xaxis_transform(), clip_on=False)
 
 
 def _known_shares(values, stages, share):
@@ -91,34 +115,39 @@ def _known_shares(values, stages, share):
     Where several trials were made at one value the greatest counts; the way along which motions
     were carried, and what was followed longer, tell of other motions than the starts.
     """
-    whole = np.isin(stages, (SearchStage.SCAN, SearchStage.BISECTION, SearchStage.FURTHER))
+    whole = np.isin(stages, (SearchStage.SCAN, SearchStage.BISECTION, SearchStage.FURTHER)) \
+        & np.isfinite(share)
     order = np.unique(values[whole])
     return order, np.array([share[whole & (values == value)].max() for value in order])
 
 
 def _back(axis, critical):
-    """Part of the cycles with a back impact; where none was seen, the limit of that part."""
+    """Bursts of back impacts per cycle; where none was seen, the upper limit of that rate."""
     values = critical["trial_value"].values
     cycles = np.maximum(critical["trial_cycles"].values, 1)
-    rate = critical["trial_back_cycles"].values / cycles
+    # Files of version 0.1 tell no bursts, only cycles.
+    bursts = "trial_bursts" in critical
+    rate = critical["trial_bursts" if bursts else "trial_back_cycles"].values / cycles
+    axis.set_ylabel("bursts of back impacts\n(per mesh cycle examined)" if bursts else
+                    "mesh cycles with a back impact\n(share of those examined)")
     seen = rate > 0
-    axis.plot(values[seen], rate[seen], linestyle="", marker="o", markersize=5,
-              color=style.VERMILION, label="seen: share of the cycles", zorder=4)
     limit = critical["trial_rate_bound"].values
     percent = 100 * critical.attrs["confidence"]
     clean = ~seen & np.isfinite(limit)
     if not (seen | clean).any():
-        axis.set_yticks([])
-        style.note(axis, "every motion failed: nothing is known")
-        axis.set_ylabel("mesh cycles with a back impact\n(share of those examined)")
+        _nothing(axis, values)
         return
-    axis.plot(values[clean], limit[clean], linestyle="", marker="v", markersize=5,
-              markerfacecolor="none", color=style.BLUE, zorder=4,
-              label=f"none seen: upper limit, {percent:g} % confidence")
+    if seen.any():
+        axis.plot(values[seen], rate[seen], linestyle="", marker="o", markersize=5,
+                  color=style.VERMILION, label="seen", zorder=4)
+    _lost(axis, values[critical["trial_cycles"].values == 0])
+    if clean.any():
+        axis.plot(values[clean], limit[clean], linestyle="", marker="v", markersize=5,
+                  markerfacecolor="none", color=style.BLUE, zorder=4,
+                  label=f"none seen: upper limit, {percent:g} % confidence")
     axis.set_yscale("log")
     _bracket(axis, critical.attrs["last_seen"], critical.attrs["first_clean"],
              "last seen to first clean value")
-    axis.set_ylabel("mesh cycles with a back impact\n(share of those examined)")
 
 
 def _margin(axis, critical):

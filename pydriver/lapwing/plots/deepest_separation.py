@@ -34,6 +34,8 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
         axis, style.URAD * sweep["deepest_separation"].max("recorded_cycle").values)
     top = (2.0 if small else 1.08) * deepest if deepest > 0 else 1.0
     axis.set_ylim(0, top)
+    if deepest == 0:
+        axis.set_yticks([0])  # any other number would be made up
     axis.set_ylabel("deepest separation, max of −φ (µrad)"
                     + small * "\nlogarithmic but near 0")
     style.arcsec_scale(axis)

@@ -52,6 +52,10 @@ def _section(axis, sweep):
 def _exponents(axis, sweep):
     """Largest exponent per mesh cycle with its error; what is lost, in a row at the bottom."""
     known = _finite(sweep["lyapunov_exponent_per_cycle"].values)
+    axis.set_ylabel("largest Lyapunov exponent\n(per mesh cycle)")
+    if not known.size and not np.isneginf(sweep["lyapunov_exponent"].values).any():
+        style.nothing(axis, "no exponent is known")
+        return "largest Lyapunov exponent"
     low = min(float(known.min(initial=0.0)), -1e-3)
     high = max(float(known.max(initial=0.0)), 0.05 * -low)
     floor = low - 0.12 * (high - low)
@@ -75,13 +79,16 @@ def _exponents(axis, sweep):
     axis.axhspan(0, high + 0.08 * (high - low), color=style.ORANGE, alpha=0.10, linewidth=0)
     axis.axhline(0, color="0.3", linewidth=0.9)
     axis.set_ylim((floor if lost else low) - 0.06 * (high - low), high + 0.08 * (high - low))
-    axis.set_ylabel("largest Lyapunov exponent\n(per mesh cycle)")
     return ("largest Lyapunov exponent: shaded, above zero, chaos; bars: 95 % by batch means"
             + "; ▾: -∞, at rest on the rigid flank" * bool(lost))
 
 
 def _multipliers(axis, sweep):
     """Magnitude of the larger Floquet multiplier of the periodic motions, and its sign."""
+    axis.set_ylabel("larger Floquet\nmultiplier |λ|")
+    if not np.isfinite(sweep["multiplier_real"].values).any():
+        style.nothing(axis, "no multiplier is known")
+        return "periodic motions"
     for branch, look in sweep_parts.branches(sweep):
         x = branch[sweep_parts.parameter_of(sweep)].values
         real, imag = (branch[f"multiplier_{part}"].values[:, 0] for part in ("real", "imag"))
@@ -94,7 +101,6 @@ def _multipliers(axis, sweep):
                       alpha=look["alpha"])
     axis.axhline(1, color="0.3", linewidth=0.9)
     axis.set_ylim(0, 1.12)
-    axis.set_ylabel("larger Floquet\nmultiplier |λ|")
     return "periodic motions: ▾ λ < 0 (at 1: period doubling), ▴ λ > 0, ■ a complex pair"
 
 

@@ -26,7 +26,7 @@ def draw(response, gear_pair=None):
         figure = style.new_figure(9, 3)
         axis = figure.subplots()
         axis.set(xlabel="recorded mesh cycle", ylabel="φ (µrad)")
-        style.note(axis, style.motion(response.attrs))
+        style.nothing(axis, style.motion(response.attrs), x=True)
         figure.suptitle(style.describe(response))
         return figure
     count = cycles_shown(response, repeats=2, aperiodic=8)

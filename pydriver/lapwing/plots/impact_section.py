@@ -41,8 +41,7 @@ def draw(response, gear_pair=None):
     axis.set(xlim=(0, 1), xlabel=f"mesh phase of the {law.word} (mesh periods)",
              ylabel=f"approach speed |φ'| ({unit})")
     if speed.size == 0:
-        axis.set_yticks([])
-        style.note(axis, style.motion(response.attrs) if style.failed(response) else
+        style.nothing(axis, style.motion(response.attrs) if style.failed(response) else
                    f"no {law.word} in {cycles_recorded(response)} recorded cycles")
     else:
         _speed_limits(axis, speed)

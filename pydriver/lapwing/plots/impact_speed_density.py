@@ -44,12 +44,15 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
             norm=norm, cmap="viridis_r", rasterized=True)
         axis.set_yscale("log")
         axis.set_ylabel(f"approach speed |φ'|\n({unit})")
-        style.speed_scale(axis, millimetres)
         axis.set_title(f"({letter}) {style.START_STYLES[str(start)]['label']}")
+        if seen.size:
+            style.speed_scale(axis, millimetres)
         if not np.any(counts > 0):
-            style.note(axis, "no impact in the recorded cycles")
-    figure.colorbar(image, ax=list(axes), label="impacts per mesh cycle and decade of speed",
-                    pad=0.02, aspect=40)
+            words = sweep_parts.lost(sweep, start) or "no impact in the recorded cycles"
+            (style.note if seen.size else style.nothing)(axis, words)
+    if seen.size:
+        figure.colorbar(image, ax=list(axes), label="impacts per mesh cycle and decade of speed",
+                        pad=0.02, aspect=40)
     engaged = sweep_parts.full_engagement_of(sweep, full_engagement)
     sweep_parts.mark_full_engagement(axes, engaged, axes[0], sweep)
     critical_marks.draw_marks(axes, axes[0], marks, values, engaged, heights=(0.2, 0.2))

@@ -105,8 +105,11 @@ def _impact_speeds(axis, sweep, gear_pair, claims):
         x = branch[sweep_parts.parameter_of(sweep)].values
         _dots(axis, x, factor * np.abs(branch["impact_velocity"].values), look)
     axis.set_ylabel(f"approach speed |φ'|\n({unit})")
-    axis.set_ylim(bottom=0)
-    style.speed_scale(axis, millimetres)
+    if np.isfinite(sweep["impact_velocity"].values).any():
+        axis.set_ylim(bottom=0)
+        style.speed_scale(axis, millimetres)
+    else:
+        style.nothing(axis, "no impact at any point that has a result")
     room = sweep.sizes["impact"]
     capped = bool((sweep["n_impacts"] > room).any())
     return ("speed of impacts at either flank, relative to it"

@@ -27,7 +27,7 @@ def draw(response, gear_pair=None):
         figure = style.new_figure(8, 4)
         axis = figure.subplots()
         axis.set(xlabel="φ (µrad)", ylabel=f"φ' ({unit})")
-        style.note(axis, style.motion(response.attrs))
+        style.nothing(axis, style.motion(response.attrs), x=True)
         figure.suptitle(style.describe(response))
         return figure
     recorded = cycles_recorded(response)

@@ -75,8 +75,7 @@ def _panel(axis, response, quantity, highest):
     values = factor * response[name].values
     axis.set_ylabel(f"amplitude of\n{label}")
     if not np.all(np.isfinite(values)):
-        axis.set_yticks([])
-        style.note(axis, style.motion(response.attrs) if style.failed(response) else
+        style.nothing(axis, style.motion(response.attrs) if style.failed(response) else
                    "none is computed: rigid contact")
         return
     cycles = _cycles_used(response)
@@ -85,8 +84,7 @@ def _panel(axis, response, quantity, highest):
     shown = orders <= highest
     top = amplitudes[shown].max()
     if top <= 0:
-        axis.set_yticks([])
-        style.note(axis, "zero or constant in the recorded cycles")
+        style.nothing(axis, "zero or constant in the recorded cycles")
         return
     axis.set_yscale("log")
     style.plain_powers(axis.yaxis)

@@ -110,6 +110,8 @@ def _strip(axis, values, classes, most, label):
                       color="black" if share > 0.45 or not found else "white",
                       bbox=None if found else {"facecolor": "white", "edgecolor": "none",
                                                "pad": 0.8})
+    if np.all(classes == UNFINISHED):
+        style.note(axis, "not reached")
     axis.set_yticks([])
     axis.grid(False)
     axis.set_ylabel(label.replace(" ", "\n", 1), rotation=0, ha="right", va="center", fontsize=8)

@@ -208,6 +208,17 @@ def note(axis, text, y=0.5):
               fontsize=11)
 
 
+def nothing(axis, text, x=False):
+    """A panel without data: words in its place, and no numbers at its axes, made up as they were.
+
+    `x`: at the lower axis as well; else it is another panel's, too.
+    """
+    axis.set_yticks([])
+    if x:
+        axis.set_xticks([])
+    note(axis, text)
+
+
 def describe(response):
     """Two lines on a response: torque; motion, or that the run failed."""
     attrs = response.attrs

@@ -68,6 +68,12 @@ def failed(dataset):
     return (status != Status.OK) & (status != Status.UNFINISHED)
 
 
+def lost(sweep, start):
+    """Words for a start without any result; empty where it has one."""
+    some = bool((sweep["status"].sel(start=start).values == Status.OK).any())
+    return "" if some else "no result at any value"
+
+
 def full_engagement_of(sweep, given):
     """Critical value of complete engagement: as given, or as stored; None if unknown."""
     stored = sweep.attrs.get("full_engagement")
@@ -135,6 +141,8 @@ def finish(figure, axes, sweep, title):
     parameter = parameter_of(sweep)
     values = sweep[parameter].values
     axes[-1].set_xlabel(AXIS_LABELS.get(parameter, parameter.replace("_", " ")))
+    if values.size == 1:
+        axes[-1].set_xticks(values)
     if values[-1] > values[0]:
         if values[0] > 0 and np.ptp(np.diff(np.log(values))) < 1e-6 and values[-1] > 3 * values[0]:
             axes[-1].set_xscale("log")

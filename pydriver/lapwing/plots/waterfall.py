@@ -51,6 +51,8 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
         axis.set_title(f"({letter}) {style.START_STYLES[str(start)]['label']}; dashed: natural "
                        "frequency")
         axis.grid(False)
+        if sweep_parts.lost(sweep, start):
+            style.note(axis, sweep_parts.lost(sweep, start))
     figure.colorbar(image, ax=list(axes), label="amplitude of φ (µrad)", pad=0.02, aspect=40,
                     extend="min")
     engaged = sweep_parts.full_engagement_of(sweep, full_engagement)

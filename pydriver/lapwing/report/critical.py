@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from lapwing.codes import SearchStage
-from lapwing.findings import words_beyond
+from lapwing.findings import search_bounded, search_known, words_beyond
 from lapwing.report.words import UNITS, markdown, parameter_words, plural
 
 SYMBOLS = {"full": "T_full", "safe": "T_safe", "back": "T_back", "on": "T_on"}
@@ -53,7 +53,7 @@ def headline(critical):
     str
     """
     attrs, (value, bar) = critical.attrs, _cells(critical)
-    if attrs["outcome"] != "found" or not _bounded(critical):
+    if attrs["outcome"] != "found" or not search_bounded(critical):
         name = SYMBOLS[attrs["find"]] if attrs["parameter"] == "brake_torque" else "critical value"
         return f"{name}: {value}"
     if attrs["find"] == "back":
@@ -78,7 +78,7 @@ def _meaning(critical):
 def _cells(critical):
     """Value of the table and how sure it is: rounding, half a bracket, the next value tried."""
     attrs = critical.attrs
-    if not _known(critical):
+    if not search_known(critical):
         return "not known", "–"
     if attrs["outcome"] != "found":
         end = "down" if attrs.get("safe_end") == "high" else "up"
@@ -90,32 +90,17 @@ def _cells(critical):
         return f"{attrs['estimate']:.12g}", "rounding"
     if attrs["find"] == "back":
         return f"{attrs['last_seen']:g}", f"none seen at the next, {attrs['first_clean']:g}"
-    if not _bounded(critical):
+    if not search_bounded(critical):
         limit = "at most" if attrs["safe_end"] == "high" else "at least"
         return f"{limit} {attrs['clean']:g}", "motions failed beyond"
     value, bar = decimals(attrs["estimate"], attrs["bar"])
     return value, f"± {bar}"
 
 
-def _bounded(critical):
-    """Whether both ends of a bracket were seen: no motion rattles at one, some do at the other."""
-    attrs = critical.attrs
-    return attrs["find"] != "safe" or bool(_worst(_tried(critical), attrs["rattling"])["rattling"])
-
-
 def _tried(critical):
     """The trials without the one that follows rattling longer."""
     return critical.isel(trial=np.flatnonzero(
         critical["trial_stage"].values < SearchStage.CONFIRMATION))
-
-
-def _known(critical):
-    """Whether the outcome rests on motions that were followed, not on failed ones alone."""
-    if critical.attrs["outcome"] == "found" or "trial_failed" not in critical:
-        return True
-    if critical.attrs["find"] == "back":
-        return bool(critical["trial_cycles"].values.any())
-    return critical.attrs["outcome"] != "unsafe_throughout" or _decided(critical)
 
 
 def _unit(critical):
@@ -209,7 +194,7 @@ def _safe(critical):
               f"for {plural(attrs['record'], 'mesh cycle')} after {attrs['settle']}; starts "
               "outside of this set are not covered.")
     if attrs["outcome"] != "found":
-        bad = "some motion rattles" if _decided(critical) else \
+        bad = "some motion rattles" if search_known(critical) else \
             "some motion failed numerically, and whether any rattles is not known"
         return " ".join((_throughout(critical, "no motion rattles", bad),
                          _failures(critical) + looked))
@@ -241,12 +226,6 @@ def _worst(trials, value):
     return {key: int(trials[f"trial_{key}"].values[best]) for key in ("rattling", "starts")}
 
 
-def _decided(critical):
-    """Whether a motion was seen to rattle at the safe end of the search, not failures alone."""
-    at = critical["trial_value"].values == critical.attrs["scan_from"]
-    return bool(critical["trial_rattling"].values[at].any())
-
-
 def _failures(trials):
     failed = int(trials["trial_failed"].sum())
     how = "no value with one is taken as safe" if "trial_rattling" in trials else \
@@ -261,6 +240,8 @@ def _confirmation(critical):
     one = critical.isel(trial=int(np.flatnonzero(stage == SearchStage.CONFIRMATION)[0]))
     starts, rattling, failed = (int(one[f"trial_{key}"]) for key in (
         "starts", "rattling", "failed"))
+    if starts == failed:
+        return f"All {starts} of those followed ten times as long failed. "
     transient = ": there, rattling is a long transient" * (not rattling and not failed)
     lost = f", {failed} failed" * bool(failed)
     return (f"Of {starts} of those followed ten times as long {rattling} still "
@@ -280,9 +261,10 @@ def _further(critical):
     quiet = further["trial_value"].values[still & ~blind]
     carried = "and motions found there were carried back to it"
     if blind.any():
-        return (f"Of the {plural(count, 'value')} tried {side} the bracket some motion rattles at "
-                f"{int((~still).sum())}, none at {quiet.size}; at {int(blind.sum())} motions "
-                "failed and none is seen to rattle. ")
+        found = ((int((~still).sum()), "some motion rattles"), (quiet.size, "none does"),
+                 (int(blind.sum()), "motions failed and none is seen to rattle"))
+        return f"Of the {plural(count, 'value')} tried {side} the bracket, " + ", ".join(
+            f"at {number} {words}" for number, words in found if number) + ". "
     if not quiet.size:
         return (f"At each of the {plural(count, 'value')} tried {side} the bracket some motion "
                 f"rattles, {carried}. ")
@@ -305,7 +287,8 @@ def _back(critical):
                 f"from {attrs['scan_from']:g} to {_with_unit(critical, attrs['scan_to'])}. "
                 + _bound(critical) + _failures(critical) + looked)
     if attrs["outcome"] == "unsafe_throughout":
-        return _throughout(critical, "", "a back impact is seen") + " " + looked
+        return _throughout(critical, "", "a back impact is seen") + " " \
+            + _failures(critical) + looked
     at = int(np.flatnonzero(critical["trial_value"].values == attrs["last_seen"])[0])
     seen, cycles = (int(critical[f"trial_{key}"].values[at]) for key in ("back_cycles", "cycles"))
     bursts = f", in {plural(int(critical['trial_bursts'].values[at]), 'burst')}" \

@@ -7,7 +7,7 @@ import math
 from lapwing.arrivals import arrivals_in
 from lapwing.codes import MotionState
 from lapwing.report.critical import critical_text
-from lapwing.report.numbers import count_words, doubtful, repeats, value_words
+from lapwing.report.numbers import count_words, doubtful, repeats, uncertainty, value_words
 from lapwing.report.stability import aperiodic_words, stability_sentence
 from lapwing.report.sweep import sweep_text
 from lapwing.report.words import markdown, method_words, plural
@@ -15,6 +15,9 @@ from lapwing.report.words import markdown, method_words, plural
 # A change between the halves of the record below this part of the number, or of its error, is
 # rounding or chance and is not reported as a transient.
 SETTLED = 1e-6
+# Columns of the table, with what is known of their error.
+IN_TABLE = ("impacts_per_cycle", "back_impacts_per_cycle", "deepest_separation", "mesh_force_mean",
+            "mesh_force_peak", "impact_energy_per_cycle")
 
 
 def summary_text(results):
@@ -108,20 +111,23 @@ def _legend(responses):
     rules = sorted({(arrivals_in(one).word, arrivals_in(one).rule(one["count_depth"])
                      + " separation" * arrivals_in(one).threshold) for one in responses})
     there = [one for one in responses if not one["status"]]
+    if not there:
+        return []
     unsure = any(doubtful(one) for one in there)
-    periodic, wild = (any(repeats(one) is wanted and not doubtful(one) for one in there)
-                     for wanted in (True, False))
+    known = {uncertainty(one, key)[0] for one in there for key in IN_TABLE}
     fed = any(bool(one["impact_energy_per_cycle"] < 0) for one in responses)
     return ["; ".join(f"{word}s are counted {rule}" for word, rule in rules).capitalize() + ". "
             "Each run is repeated with rk4 at a tolerance of its own. "
             + "Of a motion that repeats, the error is an estimate from the difference of the two "
             "runs and that of the halves of the record, and no bound; in this table it is left "
-            "out where it lies below the last digit. " * periodic
-            + "Of a motion without a period, ± is half of the 95 % interval of an average over "
-            "cycles; ≥ marks the greatest value seen, which a longer record may exceed. " * wild
+            "out where it lies below the last digit. " * ("error" in known)
+            + "± is half of the 95 % interval of an average over cycles, of a motion without a "
+            "period. " * ("±" in known)
+            + "≥ marks the greatest value seen of a motion without a period: a longer record may "
+            "hold a greater one. " * ("seen" in known)
             + "≈ marks what has neither: the change is the greater of two differences, of the two "
             "runs and of the halves of the record, and says little of the error. "
-            * (wild or unsure)
+            * ("change" in known)
             + "“?” marks a motion that the second run does not confirm: it gives another class. "
             * unsure
             + f"A class p:(a,b) repeats every p mesh cycles with a drive and b coast "
@@ -286,11 +292,11 @@ def _trust(attrs):
         sentence = ("**The second run, rk4 at tolerance "
                     f"{attrs['rtol_reference']:g}, gives another motion, {other}: "
                     "do not rely on the class.**")
-    elif not repeats(attrs):
-        sentence = ("Without a period only averages over cycles have an interval; greatest values "
-                    "are those seen, and a longer record may hold greater ones.")
     else:
         sentence = ""
+    if not repeats(attrs):
+        sentence += (" Without a period only averages over cycles have an interval; greatest "
+                     "values are those seen, and a longer record may hold greater ones.")
     halves = [key for key in ("deepest_separation", "mesh_force_mean", "mesh_force_peak",
                               "impact_energy_per_cycle")
               if math.isfinite(attrs[f"{key}_transient"])
