@@ -62,6 +62,7 @@ def of_back(critical):
             "back.end": f"{attrs['clean_end']:g}", "back.from": f"{attrs['scan_to']:g}",
             "back.values": f"{attrs['clean_values']}",
             "back.seen": f"{int(seen.trial_back_cycles)}",
+            "back.bursts": f"{int(seen.trial_bursts)}",
             "back.cycles": f"{int(seen.trial_cycles):,}", "back.starts": f"{attrs['n_starts']}",
             "back.rare": f"{1 / attrs['rate_bound']:,.0f}",
             "back.quiet": listed([f"{value:g}" for value in below])}
@@ -120,7 +121,7 @@ def short(results, name):
     full = results.critical("T_full").attrs["estimate"]
     same = bool(abs(attrs["estimate"] - full) <= attrs["bar"])
     return f"{label_of(critical)} N·m" + (
-        ", which is T_full within its bar: above it nothing but engagement was found" * same)
+        ", which is T_full within its bar: above it no rattling was seen" * same)
 
 
 def values():

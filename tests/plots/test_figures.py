@@ -22,7 +22,7 @@ UNIT = re.compile(r"\((µrad|arcsec|N|N·m|rad/s|mm/s|mN·s|ms|rpm|Hz|mesh perio
                   r"multiples of the mesh frequency|µrad per mesh period|µrad per τ)[;)]")
 # Placing everything takes long, so it is done for the responses most unlike each other only.
 LAID_OUT = ("chatter", "failed", "rigid_engaged")
-SHARE = re.compile(r"% of the starts|share of those examined|^$")
+SHARE = re.compile(r"% of those followed|per mesh cycle examined|^$")
 WITHOUT_UNIT = ("impacts\nper cycle", "recorded mesh cycle", "larger Floquet\nmultiplier |λ|",
                 "impacts per mesh cycle and decade of speed", "each\nfrom rest",
                 "carried\nupwards", "carried\ndownwards")
@@ -93,7 +93,7 @@ def test_a_search_is_drawn(results, name):
     assert shown and all(UNIT.search(label) for label in shown), shown
     assert name in figure.get_suptitle()
     legend = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert ("some runs failed" in legend) == (name == "failing")
+    assert any("failed" in words for words in legend) == (name == "failing")
 
 
 def test_the_bracket_of_a_search_is_shown(results):
@@ -130,7 +130,7 @@ def test_critical_values_are_marked_on_a_sweep(results):
             assert len(two.patches) - len(one.patches) == 2  # T_full has its line already
         words = set(texts(marked)) - set(texts(plain))
         assert any("last seen at 0.7, none at 0.9" in one for one in words)
-        assert any(re.search(r"T_safe = 12\.\d+ ± 0\.\d+: no rattling above", one)
+        assert any(re.search(r"T_safe = 12\.\d+ ± 0\.\d+: no rattling seen above", one)
                    for one in words)
 
 

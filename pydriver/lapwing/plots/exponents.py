@@ -34,7 +34,7 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
         axis.set_title(f"({letter}) {panel(axis, sweep)}")
     values = sweep[sweep_parts.parameter_of(sweep)].values
     engaged = sweep_parts.full_engagement_of(sweep, full_engagement)
-    sweep_parts.mark_full_engagement(axes, engaged, axes[1], sweep, height=0.35)
+    sweep_parts.mark_full_engagement(axes, engaged, axes[1], sweep, height=0.25)
     critical_marks.draw_marks(axes, axes[0], marks, values, engaged)
     sweep_parts.finish(figure, axes, sweep,
                        f"exponents: {sweep.attrs.get('name', '')}" if title is None else title)
@@ -79,7 +79,7 @@ def _exponents(axis, sweep):
     axis.axhspan(0, high + 0.08 * (high - low), color=style.ORANGE, alpha=0.10, linewidth=0)
     axis.axhline(0, color="0.3", linewidth=0.9)
     axis.set_ylim((floor if lost else low) - 0.06 * (high - low), high + 0.08 * (high - low))
-    return ("largest Lyapunov exponent: shaded, above zero, chaos; bars: 95 % by batch means"
+    return ("largest Lyapunov exponent; bars: 95 % intervals, chaos where all of one is shaded"
             + "; ▾: -∞, at rest on the rigid flank" * bool(lost))
 
 

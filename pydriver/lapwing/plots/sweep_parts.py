@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lapwing.codes import Status
-from lapwing.findings import words_beyond
+from lapwing.findings import evidence_beyond, names
 from lapwing.plots import style
 
 AXIS_LABELS = {"brake_torque": "braking torque (N·m)", "drive_torque": "drive torque (N·m)",
@@ -100,10 +100,20 @@ def mark_full_engagement(axes, value, labelled, sweep, height=0.96):
 
 
 def _beyond(sweep, value):
-    """What was seen to rattle above a value, a line for each statement."""
+    """What was seen to rattle above a value, in few words: the report says the rest."""
     if "states_visited" not in sweep:
         return "other motions may rattle above"
-    return words_beyond(sweep, value).replace("; ", "\n")
+    evidence = evidence_beyond(sweep, value)
+    seen = [one for one in evidence if one.rattling.size]
+    looked = [one for one in evidence if one.looked.size]
+    if seen:
+        last = max(one.rattling[-1] for one in seen)
+        starts = names([one.start for one in seen if one.rattling[-1] == last])
+        return f"rattling seen up to {last:g} ({starts})"
+    if not looked:
+        return "what rattles above is not known"
+    blind = names([one.start for one in evidence if not one.looked.size])
+    return "no rattling seen above" + f" ({blind}: not known)" * bool(blind)
 
 
 def edges_of(values):

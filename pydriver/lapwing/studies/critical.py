@@ -1,4 +1,4 @@
-"""Critical values of a parameter, the braking torque first of all, each with its error bar.
+"""Critical values of a parameter, the braking torque first of all, and how sure each is.
 
 `critical_full`: complete engagement; `critical_safe`: no rattling survives; `critical_back`: the
 last back impact seen; `critical_on`: a rigid tooth stays on the flank.
