@@ -49,7 +49,7 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
              max_events_per_cycle=1_000_000, max_steps_per_cycle=10_000_000, order=0,
              brake_torque=None, claim_impacts_per_cycle=None, claim_deepest_separation=None,
              claim_text=None):
-    """Settle, record, and estimate the error of every number by a second run.
+    """Settle, record, repeat by a second run, and say what is known of each number's error.
 
     1. Follow the motion over the cycles to settle, recording nothing; whole cycles are recorded,
        so that with a start phase above 0 settling ends with the cycle under way.
@@ -264,7 +264,7 @@ def _by_cycle(osc, pair, recording, column):
 
 
 def _findings(main, reference):
-    """The summary's numbers, each with its two error estimates."""
+    """The summary's numbers: each with the changes between runs and halves, and its error."""
     status = main.recording.status
     attrs = {"status": int(status), "status_meaning": status.name.lower(),
              "status_reference": int(reference.recording.status), "period": main.period,
