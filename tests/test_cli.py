@@ -220,7 +220,7 @@ def signalled(*given, **more):
     return original(*given, **more)
 
 setattr(owner, name, signalled)
-from lapwing.cli import main
+from lapwing.__main__ import main
 sys.argv = ["lapwing", "run", {deck!r}, "--out", {out!r}, "--threads", "2"]
 main()
 """
