@@ -4,6 +4,7 @@ Run the style checks, the Fortran tests and the Python tests, and report each.
 Each is run whatever the others say; with `--lint` the style checks alone.
 """
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -17,6 +18,7 @@ BUILD_LISTS = (
     ("tests/meson.build", "tests/fortran/test_*.f90", "'{0.stem}'"),
     ("tests/reference/meson.build", "tests/reference/*.f90", "'{0.name}'"),
 )
+MOST_WORKERS = 8
 
 
 def unlisted() -> list[str]:
@@ -45,8 +47,12 @@ def fortran_tests() -> None:
 
 
 def python_tests(full: bool) -> None:
-    """Run pytest on the installed package."""
-    run("python", "-m", "pytest", *(["-m", "full or not full"] if full else []))
+    """Run pytest on the installed package, one process for each core."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    # More of them would wait for each other at the disk, and take 300 MB each.
+    workers = min(cores or 1, MOST_WORKERS)
+    run("python", "-m", "pytest", "-n", str(workers), "--dist", "worksteal",
+        *(["-m", "full or not full"] if full else []))
 
 
 def lint() -> None:

@@ -1,5 +1,6 @@
 """What several test files share by name."""
 
+import signal
 from functools import partial
 
 import pytest
@@ -13,3 +14,11 @@ def method(request, monkeypatch):
     monkeypatch.setattr(request.module, "simulate",
                         partial(lapwing.simulate, method=request.param))
     return request.param
+
+
+@pytest.fixture
+def hears_ctrl_c():
+    """Ctrl-C interrupts the test, also where `make test &` ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)

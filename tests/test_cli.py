@@ -220,7 +220,9 @@ def signalled(*given, **more):
     return original(*given, **more)
 
 setattr(owner, name, signalled)
-from lapwing.cli import main
+from lapwing import plots
+from lapwing.__main__ import main
+plots.RESPONSE_FIGURES, plots.SWEEP_FIGURES = ("impact_section",), ()
 sys.argv = ["lapwing", "run", {deck!r}, "--out", {out!r}, "--threads", "2"]
 main()
 """
@@ -247,7 +249,7 @@ EVERY_DAY = {("SIGINT", "lapwing.deck:load_deck"), ("SIGINT", "lapwing.studies.r
     pytest.param(signum, code, where,
                  marks=[] if (signum, where) in EVERY_DAY else pytest.mark.full)
     for signum, code in (("SIGINT", 130), ("SIGTERM", 75), ("SIGUSR1", 75)) for where in PLACES])
-def test_a_signal_keeps_what_is_finished(tmp_path, where, signum, code):
+def test_a_signal_keeps_what_is_finished(tmp_path, where, signum, code, no_figures):
     deck, out, done = signalled(tmp_path, where, signum)
     assert done.returncode == code, done.stderr
     folder = out / "small"

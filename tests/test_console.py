@@ -9,12 +9,20 @@ import pytest
 from lapwing.console import Outlet
 from test_cli import write_deck
 
+# A run with one figure: drawing is most of its time.
+RUN = """
+from lapwing import plots
+from lapwing.__main__ import main
+plots.RESPONSE_FIGURES = plots.SWEEP_FIGURES = ()
+main()
+"""
+
 
 def run_two(tmp_path, stdout):
     """Two decks whose lines go where they cannot; the exit code and the standard error."""
     decks = [write_deck(tmp_path, name, settle=0) for name in ("a.nml", "b.nml")]
     process = subprocess.Popen(
-        [sys.executable, "-m", "lapwing", "run", *decks, "--out", tmp_path / "r"],
+        [sys.executable, "-c", RUN, "run", *decks, "--out", tmp_path / "r"],
         stdout=stdout, stderr=subprocess.PIPE, text=True, env=os.environ | {"OMP_NUM_THREADS": "1"})
     if process.stdout:
         process.stdout.close()  # the reader has seen enough

@@ -1,5 +1,6 @@
 """Carrying out a deck: what lies in its folder before, after and in between."""
 
+import errno
 import json
 import os
 import shutil
@@ -11,7 +12,7 @@ import netCDF4
 import numpy as np
 import pytest
 
-from lapwing.cli import BAD_INPUT, FAILED, OK
+from lapwing.cli import BAD_INPUT, FAILED, OK, SURROUNDINGS
 from lapwing.deck import load_deck
 from lapwing.results import DamagedFile, checksums, read_results
 from lapwing.results.store import FolderLock, Manifest, staging_of
@@ -79,9 +80,14 @@ def test_the_manifest_lists_everything(done):
     assert manifest.variables == checksums(done[1] / "result.nc")
 
 
-@pytest.mark.parametrize("how", ["empty", "cut", "flip", "gone"])
-@pytest.mark.parametrize("name", ["result.nc", "used.nml", "summary.md", "te_curve.png",
-                                  "manifest.json"])
+# Whatever befalls the result file; of the others the loss and the change that no size tells of.
+DAMAGE = [pytest.param(name, how, marks=() if name == "result.nc" or how in ("flip", "gone")
+                       else pytest.mark.full)
+          for name in ("result.nc", "used.nml", "summary.md", "te_curve.png", "manifest.json")
+          for how in ("empty", "cut", "flip", "gone")]
+
+
+@pytest.mark.parametrize(("name", "how"), DAMAGE)
 def test_damage_is_noticed_said_and_made_good(done, there, name, how):
     path = there / name
     content = bytearray(path.read_bytes())
@@ -253,7 +259,7 @@ run_deck(deck, {out!r}, threads=1, force=True)
 
 
 # Before a step is mostly after the one before it: some places are enough for every day.
-EVERY_DAY = {(STOPS[0], True), (STOPS[3], False), (STOPS[4], True), (STOPS[6], False),
+EVERY_DAY = {(STOPS[3], False), (STOPS[4], True), (STOPS[6], False),
              (STOPS[6], True)}
 
 
@@ -397,12 +403,123 @@ def test_no_room_for_new_files_leaves_the_old_ones(done, there, size):
     assert again(done, there).exit_code == OK and good(done, there)
 
 
+def test_figures_without_room_are_named_and_the_numbers_kept(done, tmp_path, two_figures,
+                                                             monkeypatch):
+    """The first figure finds the disk full; the next run has room and draws it alone."""
+    from lapwing.plots import style
+
+    original = style.save
+
+    def save(figure, *paths):
+        if "impact" in paths[0].name:
+            paths[0].write_bytes(b"half")
+            raise OSError(errno.ENOSPC, "No space left on device", str(paths[0]))
+        original(figure, *paths)
+
+    folder = tmp_path / "r" / "small"
+    with monkeypatch.context() as patch:
+        patch.setattr(style, "save", save)
+        result = call("run", done[0], "--out", folder.parent, "--threads", 1)
+    assert result.exit_code == SURROUNDINGS
+    assert "figure impact_section_one: OSError: [Errno 28]" in result.output
+    lost = {"impact_section_one.png", "impact_section_one.pdf"}
+    expected = contents(done[1])
+    assert contents(folder).keys() == expected.keys() - lost
+    manifest = Manifest.read(folder)
+    assert manifest.state == "incomplete" and not manifest.damaged(folder)
+    with monkeypatch.context() as patch:
+        for study in ("response.response", "sweep.sweep"):
+            patch.setattr(f"lapwing.studies.{study}", None)
+        assert call("run", done[0], "--out", folder.parent, "--threads", 1).exit_code == OK
+    found = contents(folder)
+    assert found.pop("manifest.json") and expected.pop("manifest.json") and found == expected
+
+
+def test_results_that_lack_figures_for_want_of_room_replace_no_complete_ones(
+        done, there, monkeypatch):
+    from lapwing.plots import style
+
+    def save(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    before = contents(there)
+    with monkeypatch.context() as patch:
+        patch.setattr(style, "save", save)
+        result = again(done, there, "--set", "operation.brake_torque=6", "--force")
+    assert result.exit_code == SURROUNDINGS and "No space left on device" in result.output
+    assert contents(there) == before and [path.name for path in there.parent.iterdir()] == ["small"]
+
+
+def test_figures_drawn_again_without_room_are_of_the_surroundings(done, there):
+    """The old ones stay as they are."""
+    before = contents(there)
+    size = max(len(content) for content in before.values()) // 1024
+    ended = subprocess.run(
+        ["sh", "-c", f'ulimit -f {size}; exec "$@"', "sh", sys.executable, "-m", "lapwing", "plot",
+         there / "result.nc"], capture_output=True, text=True, check=False)
+    assert ended.returncode == SURROUNDINGS and "File too large" in ended.stderr, ended.stderr
+    assert "Traceback" not in ended.stderr
+    found = contents(there)
+    assert all(found[name] == before[name] for name in before if name != "manifest.json")
+    assert not Manifest.read(there).damaged(there)
+
+
 def test_figures_are_drawn_again_from_the_file_and_listed(done, there):
     (there / "te_curve.png").unlink()
     assert call("plot", there / "result.nc").exit_code == OK
     assert not Manifest.read(there).damaged(there)
     result = again(done, there)
     assert "reused" in result.output and good(done, there)
+
+
+# Figures of another version, so to say: drawn more coarsely.  Killed at the given step.
+REDRAWN = """
+import os, signal
+from lapwing import plots
+from lapwing.plots import style
+from lapwing.results import store
+plots.RESPONSE_FIGURES, plots.SWEEP_FIGURES = ("impact_section",), ()
+style.DPI = 40
+left, replace = {step}, os.replace
+
+def counted(*names):
+    global left
+    if left == 0:
+        os.kill(os.getpid(), signal.SIGKILL)
+    left -= 1
+    replace(*names)
+
+store.os.replace = counted
+from lapwing.run import plot_file
+plot_file({path!r})
+"""
+
+
+@pytest.mark.parametrize("step", [0, 1, 3, 5])
+def test_a_kill_while_figures_are_replaced_damages_none(done, there, step):
+    """Two figures in two formats between two writings of the manifest: six steps."""
+    (there / "te_curve.pdf").unlink()
+    code = REDRAWN.format(step=step, path=str(there / "result.nc"))
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
+    assert ended.returncode == -9, ended.stderr.decode()
+    old, manifest = contents(done[1]), Manifest.read(there)
+    changed = {name for name, content in contents(there).items()
+               if name in old and name != "manifest.json" and content != old[name]}
+    assert len(changed) == max(step - 1, 0)
+    lacking = {} if (there / "te_curve.pdf").exists() else {"te_curve.pdf": "missing"}
+    assert manifest.damaged(there) == lacking and len(lacking) == (step < 5)
+    result = again(done, there)
+    assert result.exit_code == OK and "has changed" not in result.output
+    assert call("plot", there / "result.nc").exit_code == OK and good(done, there)
+
+
+def test_a_file_of_the_users_with_the_name_of_a_figure_that_was_coming_is_his(done, there):
+    manifest = Manifest.read(there)
+    manifest.coming["extra.png"] = {"size": 4, "sha256": "0" * 64}
+    manifest.write(there)
+    (there / "extra.png").write_text("mine")
+    assert again(done, there, "--force").exit_code == OK
+    assert (there / "extra.png").read_text() == "mine"
 
 
 def test_figures_elsewhere_spare_what_is_there(done, tmp_path, two_figures):

@@ -1,6 +1,44 @@
-"""`python -m lapwing` is the command `lapwing`."""
+"""`python -m lapwing` and the command `lapwing`: signals are listened to before all else."""
 
-from lapwing.cli import main
+from __future__ import annotations
+
+import os
+import sys
+
+from lapwing import console, exit_codes, signals
+
+
+def main():
+    """Entry point: every way to end is one of `ExitCode`, and no traceback."""
+    with signals.listen():
+        try:
+            code = _carried_out()
+            signals.ignore()
+        except KeyboardInterrupt:
+            code = exit_codes.of_signal(signals.heard())
+            signals.ignore()
+    sys.exit(code)
+
+
+def _carried_out():
+    """Carry out the command line and write out what it says; the exit code."""
+    console.open_streams()
+    # Nothing of this process is shown in a window, whatever a notebook or a matplotlibrc says.
+    os.environ["MPLBACKEND"] = "agg"
+    os.environ["MATPLOTLIBRC"] = os.path.join(os.path.dirname(__file__), "plots", "matplotlibrc")
+    code = exit_codes.ExitCode.SURROUNDINGS
+    try:
+        from lapwing.cli import called
+
+        signals.check()  # while modules are loaded a signal waits
+        code = called()
+    except KeyboardInterrupt:
+        code = exit_codes.of_signal(signals.heard())
+    except (OSError, MemoryError) as error:
+        print(exit_codes.words(error), file=sys.stderr)
+        code = exit_codes.of_error(error)
+    return console.flush_streams(code)
+
 
 if __name__ == "__main__":
     main()

@@ -15,11 +15,12 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import typer
 
-from lapwing import console, estimates, exit_codes, signals
+from lapwing import estimates, exit_codes, signals
 from lapwing.exit_codes import MEANINGS, ExitCode
 
-OK, FAILED, BAD_INPUT, INTERRUPTED = (
-    ExitCode.GOOD, ExitCode.FAILED, ExitCode.BAD_INPUT, ExitCode.INTERRUPTED)
+OK, FAILED, BAD_INPUT, SURROUNDINGS, INTERRUPTED = (
+    ExitCode.GOOD, ExitCode.FAILED, ExitCode.BAD_INPUT, ExitCode.SURROUNDINGS,
+    ExitCode.INTERRUPTED)
 
 app = typer.Typer(
     name="lapwing", no_args_is_help=True, add_completion=False, rich_markup_mode=None,
@@ -161,20 +162,25 @@ def plot(files: Annotated[list[Path], typer.Argument(metavar="RESULT.nc...", hel
 
     code = OK
     for file in files:
+        progress = _telling(file, "figures")
         try:
-            for path in plot_file(file, out, default_threads()):
-                print(path)
+            written, failures = plot_file(file, out, default_threads(), progress), {}
         except FigureError as error:
-            for path in error.written:
-                print(path)
-            for stem, what in error.failures.items():
-                _complain(f"{file}: figure {stem}: {what}")
-            code = max(code, FAILED)
+            written, failures = error.written, error.failures
+            code = max(code, SURROUNDINGS if error.of_surroundings else FAILED)
         except (ValueError, StoreError) as error:
             _complain(f"{file}: {error}")
             code = max(code, BAD_INPUT)
+            continue
         except (OSError, MemoryError, RuntimeError) as error:
             code = max(code, _refused(error, path=file))
+            continue
+        finally:
+            progress.close()
+        for path in written:
+            print(path)
+        for stem, what in failures.items():
+            _complain(f"{file}: figure {stem}: {what}")
     raise typer.Exit(code)
 
 
@@ -241,7 +247,7 @@ def _each(decks, settings, carry_out):
     """Carry out one deck after the other until a signal; the worst exit code."""
     loaded, code = _load(decks, settings)
     for deck in loaded:
-        ended = carry_out(deck, _telling(deck))
+        ended = carry_out(deck, _telling(deck.title, _studies(deck)))
         code = max(code, ended)
         if signals.heard() is not None or ended >= ExitCode.STOPPED:
             return max(code, exit_codes.of_signal(signals.heard()))
@@ -289,6 +295,8 @@ def _run(deck, out, threads, force, progress):
         _complain(f"{deck.title}: figure {stem}: {what}")
     if outcome.interrupted:
         return exit_codes.of_signal(signals.heard())
+    if outcome.refused:
+        return SURROUNDINGS
     return FAILED if outcome.failed or outcome.undrawn else OK
 
 
@@ -316,13 +324,13 @@ def _critical(deck, threads, progress):
     return FAILED if failed else OK
 
 
-def _telling(deck):
+def _telling(title, what):
     """What tells how far a deck is: bars on a terminal, else a line at once and one a minute."""
     from lapwing.progress import Bars, Lines
 
-    progress = Bars() if sys.stderr.isatty() else Lines(deck.title, sys.stderr)
+    progress = Bars() if sys.stderr.isatty() else Lines(title, sys.stderr)
     if isinstance(progress, Lines):
-        progress.say(f"started; {_studies(deck)}")
+        progress.say(f"started; {what}")
     return progress
 
 
@@ -337,28 +345,8 @@ if find_spec("lapwing_bench"):
     app.command()(bench)
 
 
-def main():
-    """Entry point: every way to end is one of `ExitCode`, and no traceback."""
-    console.open_streams()
-    # Nothing of this process is shown in a window, whatever a notebook or a matplotlibrc says.
-    os.environ["MPLBACKEND"] = "agg"
-    os.environ["MATPLOTLIBRC"] = os.path.join(os.path.dirname(__file__), "plots", "matplotlibrc")
-    code = ExitCode.SURROUNDINGS
-    with signals.listen():
-        try:
-            code = _called()
-        except KeyboardInterrupt:
-            code = exit_codes.of_signal(signals.heard())
-        except (OSError, MemoryError) as error:
-            _complain(exit_codes.words(error))
-            code = exit_codes.of_error(error)
-        code = console.flush_streams(code)
-    signals.ignore()  # all is said and done; the interpreter's end is not to be torn
-    sys.exit(code)
-
-
-def _called():
-    """Carry out the command line."""
+def called():
+    """Carry out the command line; the exit code."""
     try:
         code = int(app(standalone_mode=False) or 0)
         return exit_codes.of_signal(signals.heard()) if code == INTERRUPTED else code

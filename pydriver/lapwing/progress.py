@@ -1,9 +1,15 @@
-"""How far a run is: bars on a terminal, lines in the log of a batch."""
+"""How far a run is: bars on a terminal, lines in the log of a batch.
+
+A thread looks at the clock, so that a study which tells nothing for long is spoken of all the same.
+"""
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
 from typing import TextIO
 
 PATIENCE = 1.0
@@ -11,7 +17,75 @@ PATIENCE = 1.0
 MINUTE = 60.0
 
 
-class Lines:
+@dataclass
+class _Study:
+    """A study under way: its total in units, when it began, the fraction done, its bar if any."""
+
+    label: str
+    total: int
+    unit: str
+    begun: float
+    fraction: float = 0.0
+    task: int | None = None
+
+
+class _Teller:
+    """What knows the study under way, and looks at it every `PATIENCE` seconds until closed."""
+
+    def __init__(self, clock: Callable[[], float]):
+        self._clock = clock
+        self._study = None
+        self._lock = threading.RLock()
+        self._closed = threading.Event()
+        self._watch = None
+
+    def study(self, label: str, total: int, unit: str) -> Callable[[float], None]:
+        """Begin a study of `total` units, the one before being done.
+
+        Returns
+        -------
+        callable(fraction done), which any thread may call
+        """
+        with self._lock:
+            self._ended()
+            study = self._study = _Study(label, total, unit, self._clock())
+            if self._watch is None:
+                self._watch = threading.Thread(target=self._keep_looking, daemon=True)
+                with suppress(RuntimeError):  # no thread to be had: what is reported is told
+                    self._watch.start()
+
+        def report(fraction: float) -> None:
+            with self._lock:
+                study.fraction = fraction
+                self.look()
+
+        return report
+
+    def close(self) -> None:
+        """Tell nothing any more."""
+        with self._lock:
+            self._closed.set()
+
+    def look(self) -> None:
+        """Tell of the study under way, if it is time."""
+        with self._lock:
+            if self._study is not None and not self._closed.is_set():
+                self._tell(self._study)
+
+    def _keep_looking(self):
+        # What the surroundings refuse (memory, a thread for the display) ends the telling alone.
+        with suppress(OSError, MemoryError, RuntimeError):
+            while not self._closed.wait(PATIENCE):
+                self.look()
+
+    def _ended(self):
+        """The study under way is done."""
+
+    def _tell(self, study):
+        raise NotImplementedError
+
+
+class Lines(_Teller):
     """Lines in a log: one as soon as something begins, then one a minute.
 
     Parameters
@@ -22,67 +96,56 @@ class Lines:
     """
 
     def __init__(self, title: str, stream: TextIO, clock: Callable[[], float] = time.monotonic):
-        self._title, self._stream, self._clock = title, stream, clock
+        super().__init__(clock)
+        self._title, self._stream = title, stream
         self._last = clock()
 
     def say(self, text: str) -> None:
         """Write a line."""
-        self._last = self._clock()
-        print(f"{self._title}: {text}", file=self._stream, flush=True)
+        with self._lock:
+            self._last = self._clock()
+            self._stream.write(f"{self._title}: {text}\n")
+            self._stream.flush()
 
-    def study(self, label: str, total: int, unit: str) -> Callable[[float], None]:
-        """Begin a study of `total` units; returns what is told the fraction done."""
-        def report(fraction: float) -> None:
-            if self._clock() - self._last >= MINUTE:
-                self.say(f"{label}: {100 * fraction:.0f} %" + (
-                    f" of {total} {unit}" if unit != "%" else ""))
-
-        return report
-
-    def close(self) -> None:
-        """Nothing is left to do."""
+    def _tell(self, study):
+        if self._clock() - self._last >= MINUTE:
+            self.say(f"{study.label}: {100 * study.fraction:.0f} %" + (
+                f" of {study.total} {study.unit}" if study.unit != "%" else ""))
 
 
-class Bars:
+class Bars(_Teller):
     """Bars with rate and time left on standard error; a study shows after `PATIENCE` seconds."""
 
-    def __init__(self):
+    def __init__(self, clock: Callable[[], float] = time.monotonic):
+        super().__init__(clock)
         self._display = None
-
-    def study(self, label, total, unit):
-        """Begin a study of `total` units.
-
-        Returns
-        -------
-        callable(fraction done)
-        """
-        begun = time.monotonic()
-        task = None
-
-        def report(fraction):
-            nonlocal task
-            if task is None:
-                if fraction >= 1 or time.monotonic() - begun < PATIENCE:
-                    return
-                task = self._start().add_task(label, total=total, unit=unit)
-            self._display.update(task, completed=fraction * total)
-
-        return report
 
     def close(self):
         """Leave the display."""
-        if self._display is not None:
-            self._display.stop()
-            self._display = None
+        with self._lock:
+            super().close()
+            if self._display is not None:
+                self._display.stop()
+                self._display = None
+
+    def _ended(self):
+        if self._study is not None and self._study.task is not None:
+            self._display.update(self._study.task, completed=self._study.total)
+
+    def _tell(self, study):
+        if study.task is None:
+            if study.fraction >= 1 or self._clock() - study.begun < PATIENCE:
+                return
+            study.task = self._start().add_task(study.label, total=study.total, unit=study.unit)
+        self._display.update(study.task, completed=study.fraction * study.total)
 
     def _start(self):
         if self._display is None:
+            from rich import progress
             from rich.console import Console
-            from rich.progress import BarColumn, ProgressColumn, TextColumn, TimeRemainingColumn
-            from rich.progress import Progress as Display
             from rich.text import Text
 
-            class Rate(ProgressColumn):
+            class Rate(progress.ProgressColumn):
                 """Units per second."""
 
                 def render(self, task):
@@ -90,9 +153,11 @@ class Bars:
                     text = "" if speed is None else f"{speed:.3g} {task.fields['unit']}/s"
                     return Text(text, style="dim")
 
-            self._display = Display(
-                TextColumn("{task.description}"), BarColumn(),
-                TextColumn("{task.percentage:3.0f} %"), Rate(), TimeRemainingColumn(),
+            display = progress.Progress(
+                progress.TextColumn("{task.description}"), progress.BarColumn(),
+                progress.TextColumn("{task.percentage:3.0f} %"), Rate(),
+                progress.TimeElapsedColumn(), progress.TimeRemainingColumn(),
                 console=Console(stderr=True))
-            self._display.start()
+            display.start()
+            self._display = display
         return self._display

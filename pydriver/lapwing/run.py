@@ -6,6 +6,7 @@ What is in a results folder, and what is promised of it: docs/results.md.
 from __future__ import annotations
 
 import contextlib
+import errno
 import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -53,6 +54,7 @@ class Outcome:
     interrupted : bool, whether a signal stopped it; what was finished is kept
     failed : tuple of str, studies in which some run failed numerically
     undrawn : dict of name -> str, figures that could not be drawn, and why
+    refused : bool, whether disk or memory is to blame for one of them
     headlines : tuple of str, the main result of each study
     notes : tuple of str, what was found damaged and done again, and what was taken over
     """
@@ -62,6 +64,7 @@ class Outcome:
     interrupted: bool = False
     failed: tuple = ()
     undrawn: dict = field(default_factory=dict)
+    refused: bool = False
     headlines: tuple = ()
     notes: tuple = ()
 
@@ -286,7 +289,7 @@ class _Run:
         from lapwing.studies.of_deck import studies_of
 
         folder = self.aside if found.interrupted and self.there.complete else self.folder
-        undrawn, drawn = {}, False
+        undrawn, refused, drawn = {}, False, False
         with contextlib.ExitStack() as stack:
             known = self.there.known
             if folder == self.aside:
@@ -301,7 +304,7 @@ class _Run:
                 stopped = True  # raised at the end of the block: the files are whole
             if not stopped:
                 try:
-                    undrawn = self._draw(staging.path, crew)
+                    undrawn, refused = self._draw(staging.path, crew)
                     drawn = True
                 except KeyboardInterrupt:
                     crew.stop()
@@ -322,8 +325,9 @@ class _Run:
         missing = [(kind, name) for kind, name in studies_of(self.deck)
                    if name not in getattr(found, kind + "s")]
         return Outcome(folder, interrupted=not drawn, failed=found.failed(), undrawn=undrawn,
+                       refused=refused, notes=tuple(self.notes),
                        headlines=headlines([*found.responses.values()], found.criticals,
-                                           found.sweeps, missing), notes=tuple(self.notes))
+                                           found.sweeps, missing))
 
     def _write(self, found, folder):
         """Result file, summary and the deck as used; returns the checksums of the variables."""
@@ -331,6 +335,7 @@ class _Run:
         from lapwing.results import read_results, write_results
         from lapwing.studies.of_deck import studies_of
 
+        done = self.report("results", 100, "%")
         text = used_text(self.deck, self.folder)
         if self.whole is not None:
             path, variables = self.whole
@@ -345,10 +350,11 @@ class _Run:
         with read_results(folder / RESULT_FILE, check=False) as results:
             (folder / SUMMARY).write_text(summary_text(results), encoding="utf-8")
         (folder / USED_DECK).write_text(text, encoding="utf-8")
+        done(1.0)
         return variables
 
     def _draw(self, folder, crew):
-        """Figures, from the file alone; returns those not drawn, and why."""
+        """Figures, from the file alone; those not drawn, and whether disk or memory is why."""
         from lapwing.plots import FigureError, draw_all
         from lapwing.results import read_results
 
@@ -357,9 +363,11 @@ class _Run:
             try:
                 draw_all(results, folder, progress=done, crew=crew)
             except FigureError as error:
-                probe(folder)  # a full disk is no matter of one figure
-                return error.failures
-        return {}
+                if error.of_surroundings and self.there.complete:  # which lack nothing: they stay
+                    probe(folder)
+                    raise OSError(errno.EIO, str(error), str(folder)) from error
+                return error.failures, error.of_surroundings
+        return {}, False
 
 
 def _te_source(deck):
@@ -388,7 +396,7 @@ def _read(path):
         return ""
 
 
-def plot_file(path, folder=None, threads=1):
+def plot_file(path, folder=None, threads=1, progress=None):
     """Draw every figure of a result file, into its own folder unless another is named.
 
     Files that are not the program's own are left as they are (docs/results.md).
@@ -398,6 +406,7 @@ def plot_file(path, folder=None, threads=1):
     path : str or Path
     folder : str or Path, or None
     threads : int, processes that draw
+    progress : as for `run_deck`
 
     Returns
     -------
@@ -419,17 +428,18 @@ def plot_file(path, folder=None, threads=1):
     path = Path(path)
     folder = Path(folder) if folder else path.parent
     folder.mkdir(parents=True, exist_ok=True)
+    done = progress.study("figures", 100, "%") if progress else None
     with read_results(path) as results, FolderLock(folder.resolve()):
         aside = folder.resolve().parent / f".{folder.resolve().name}.drawing"
         shutil.rmtree(aside, ignore_errors=True)
         aside.mkdir()
-        failures = {}
+        failures, of_surroundings = {}, False
         try:
             with Crew(threads) as crew:
                 try:
-                    draw_all(results, aside, crew=crew)
+                    draw_all(results, aside, progress=done, crew=crew)
                 except FigureError as error:
-                    failures = error.failures
+                    failures, of_surroundings = error.failures, error.of_surroundings
             names = sorted(one.name for one in aside.iterdir())
             own = _figures_of(results) if folder.resolve() == path.parent.resolve() else ()
             taken = add_files(folder, aside, own)
@@ -439,5 +449,5 @@ def plot_file(path, folder=None, threads=1):
     failures |= {Path(name).stem: f"another file is named {name}; it is left as it is"
                  for name in taken}
     if failures:
-        raise FigureError(written, failures)
+        raise FigureError(written, failures, of_surroundings)
     return written

@@ -45,6 +45,7 @@ class _Ear:
         self.holds = 0
         self.signum = None
         self.raised = False
+        self.before = {}
 
     def hear(self, signum, frame=None):
         """Signal handler: a signal after the first changes nothing."""
@@ -80,18 +81,18 @@ def listen():
     _ear.__init__()
     _ear.listening = True
     _ear.holds = 1  # a handler must not raise while only some are in place
-    before, hook = {}, sys.unraisablehook
+    hook = sys.unraisablehook
     try:
         for signum in SIGNALS:
             if getsignal(signum) not in (SIG_IGN, None):
-                before[signum] = signal(signum, _ear.hear)
+                _ear.before[signum] = signal(signum, _ear.hear)
         sys.unraisablehook = lambda lost: _once_more(lost, hook)
         _ear.holds = 0
         _ear.raise_if_due()
         yield
     finally:
         _ear.holds += 1
-        for signum, handler in before.items():
+        for signum, handler in _ear.before.items():
             signal(signum, handler)
         sys.unraisablehook = hook
         _ear.listening = False
@@ -122,10 +123,11 @@ def held():
 
 
 def ignore() -> None:
-    """From here on no signal stops this process; for its very end."""
+    """From here on no signal stops this process, also after `listen`; for its very end."""
     if _in_main_thread():
         for signum in SIGNALS:
             signal(signum, SIG_IGN)
+        _ear.before.clear()
 
 
 def heard() -> int | None:

@@ -84,9 +84,9 @@ def test_a_process_that_dies_takes_one_figure_with_it(file, alone, tmp_path):
         os.kill(busy.pid, signal.SIGKILL)
         found |= dict(outcomes)
     assert set(found) == set(tasks)
-    failed = {task.stem: what for task, what in found.items() if what}
+    failed = {task.stem: problem for task, problem in found.items() if problem}
     assert len(failed) <= 1
-    assert all("ended with code -9" in what for what in failed.values())
+    assert all("ended with code -9" in problem.what for problem in failed.values())
     same_files([one for one in alone if one.stem not in failed],
                [tmp_path / one.name for one in alone if one.stem not in failed])
 
@@ -100,17 +100,18 @@ def test_a_crew_without_processes_says_so(file, tmp_path):
             process.kill()
         found |= dict(outcomes)
     assert set(found) == set(tasks)
-    assert "no process is left to draw it" in found.values()
+    assert plots.Problem("no process is left to draw it") in found.values()
 
 
 def test_a_script_needs_no_guard(file, tmp_path):
     """The processes do not run it again."""
     script = tmp_path / "script.py"
     script.write_text(
-        "from lapwing.plots import draw_all\nfrom lapwing.plots.crew import Crew\n"
+        "from lapwing import plots\nfrom lapwing.plots.crew import Crew\n"
         "from lapwing.results import read_results\nprint('once')\n"
+        "plots.RESPONSE_FIGURES = ('impact_section',)\n"
         f"with read_results({str(file)!r}) as results, Crew(2) as crew:\n"
-        f"    draw_all(results, {str(tmp_path)!r}, formats=('png',), crew=crew)\n",
+        f"    plots.draw_all(results, {str(tmp_path)!r}, formats=('png',), crew=crew)\n",
         encoding="utf-8")
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == ("once\n", "")

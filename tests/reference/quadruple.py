@@ -9,6 +9,7 @@ All build the program first (Meson and a Fortran compiler are needed; nothing is
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import subprocess
@@ -47,11 +48,13 @@ COARSE_PIECES = 16
 
 
 def build(folder=ROOT / "build" / "quadruple"):
-    """Compile the program; its path."""
-    if not (folder / "build.ninja").exists():
-        folder.parent.mkdir(exist_ok=True)
-        run_quietly("meson", "setup", "-Dbuildtype=release", folder, cwd=ROOT)
-    run_quietly("meson", "compile", "-C", folder, PROGRAM)
+    """Compile the program, one process at a time; its path."""
+    folder.parent.mkdir(exist_ok=True)
+    with open(folder.with_name(f"lock-{folder.name}"), "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not (folder / "build.ninja").exists():
+            run_quietly("meson", "setup", "-Dbuildtype=release", folder, cwd=ROOT)
+        run_quietly("meson", "compile", "-C", folder, PROGRAM)
     return folder / "tests" / "reference" / PROGRAM
 
 

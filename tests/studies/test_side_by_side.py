@@ -39,8 +39,9 @@ def test_an_error_is_raised(threads):
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_an_interruption_reaches_every_thread_and_keeps_what_is_finished(threads):
+def test_an_interruption_reaches_every_thread_and_keeps_what_is_finished(threads, hears_ctrl_c):
     """Item 0 is short, the others go on until they are interrupted."""
+    before = threading.active_count()
     begun, first = threading.Semaphore(0), threading.Event()
 
     def work(x):
@@ -59,4 +60,4 @@ def test_an_interruption_reaches_every_thread_and_keeps_what_is_finished(threads
     threading.Thread(target=interrupt).start()
     found, complete = side_by_side(work, range(6), threads, lambda _: first.set())
     assert not complete and found == {0: 0}
-    assert threading.active_count() <= 2
+    assert threading.active_count() <= before + 1  # the one that interrupted may not have ended

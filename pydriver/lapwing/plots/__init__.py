@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
@@ -9,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lapwing.arrivals import arrivals_in
+from lapwing.exit_codes import is_of_surroundings
 from lapwing.findings import known
 
 FORMATS = ("png", "pdf")
@@ -30,11 +32,20 @@ class FigureError(Exception):
     ----------
     written : list of Path
     failures : dict of file stem -> str, what went wrong
+    of_surroundings : bool, whether disk or memory is to blame for one of them
     """
 
-    def __init__(self, written, failures):
+    def __init__(self, written, failures, of_surroundings=False):
         super().__init__("; ".join(f"figure {stem}: {what}" for stem, what in failures.items()))
         self.written, self.failures = written, failures
+        self.of_surroundings = of_surroundings
+
+
+class Problem(NamedTuple):
+    """Why a figure could not be drawn, and whether disk or memory is to blame."""
+
+    what: str
+    of_surroundings: bool = False
 
 
 class Task(NamedTuple):
@@ -120,25 +131,36 @@ def draw_all(results, folder, *, formats=FORMATS, progress=None, crew=None):
             progress(len(outcomes) / len(tasks))
     written = [folder / f"{task.stem}.{suffix}" for task in tasks if outcomes[task] is None
                for suffix in formats]
-    failures = {task.stem: outcomes[task] for task in tasks if outcomes[task] is not None}
-    if failures:
-        raise FigureError(written, failures)
+    problems = {task.stem: outcomes[task] for task in tasks if outcomes[task] is not None}
+    if problems:
+        raise FigureError(written, {stem: problem.what for stem, problem in problems.items()},
+                          any(problem.of_surroundings for problem in problems.values()))
     return written
 
 
 def attempt(results, task, folder, formats):
-    """Draw one figure into its files; returns what went wrong, or None."""
-    from lapwing.plots.style import save
-
+    """Draw one figure into its files, all or none; returns the `Problem`, or None."""
     try:
         data = getattr(results, task.kind)
         figure = import_module(f"lapwing.plots.{task.module}").draw(
             data if task.name is None else data(task.name), results.gear_pair,
             **_options(results, task))
-        save(figure, *(folder / f"{task.stem}.{suffix}" for suffix in formats))
+        _save(figure, [folder / f"{task.stem}.{suffix}" for suffix in formats])
     except Exception as error:
-        return f"{type(error).__name__}: {error}"
+        return Problem(f"{type(error).__name__}: {error}", is_of_surroundings(error))
     return None
+
+
+def _save(figure, paths):
+    from lapwing.plots.style import save
+
+    try:
+        save(figure, *paths)
+    except BaseException:
+        for path in paths:
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
+        raise
 
 
 def _options(results, task):

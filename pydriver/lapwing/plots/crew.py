@@ -82,8 +82,10 @@ class Crew:
 
         Yields
         ------
-        (Task, what went wrong or None), as they are finished
+        (Task, Problem or None), as they are finished
         """
+        from lapwing.plots import Problem
+
         with _interrupts_held(), _without_windows():
             while len(self._workers) < min(self._size, len(tasks)):
                 self._hire()
@@ -99,14 +101,14 @@ class Crew:
                 with contextlib.suppress(OSError):
                     pipe.send((path, task, folder, formats))
             if not busy:
-                yield from ((task, "no process is left to draw it") for task in waiting)
+                yield from ((task, Problem("no process is left to draw it")) for task in waiting)
                 return
             for pipe in wait(list(busy)):
                 try:
                     problem = pipe.recv()
                     idle.append(pipe)
                 except (EOFError, OSError):
-                    problem = f"the process that drew it {self._dismiss(pipe)}"
+                    problem = Problem(f"the process that drew it {self._dismiss(pipe)}")
                 yield busy.pop(pipe), problem
 
     def _hire(self):

@@ -8,7 +8,7 @@ perhaps files of the user's, which are never written, moved or removed. A run
 3. lists and flushes what it wrote, then exchanges the two folders in one step (`publish`).
 
 Whatever ends a run, the folder holds the files of the run before or those of the new one. Single
-files are added to a folder one by one (`add_files`).
+files are added to a folder one by one (`add_files`); each is the old or the new one, and listed.
 
 Nothing here knows what the files mean.
 """
@@ -74,6 +74,8 @@ class Manifest:
     inputs : str, hash of the values that the files follow from
     program, engine : str, version, and SHA-256 of the compiled engine
     files : dict of name -> {"size": bytes, "sha256": hex}
+    coming : like `files`, new contents on their way: as long as they are listed here, a file may
+        have the old content or the new one, or not be there yet
     variables : dict of "/group/variable" -> SHA-256 of its numbers, of the result file
     replaced : list of str, names that were the program's in the folder before
     """
@@ -83,6 +85,7 @@ class Manifest:
     program: str = ""
     engine: str = ""
     files: dict[str, dict] = field(default_factory=dict)
+    coming: dict[str, dict] = field(default_factory=dict)
     variables: dict[str, str] = field(default_factory=dict)
     replaced: list[str] = field(default_factory=list)
 
@@ -105,6 +108,10 @@ class Manifest:
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return None
 
+    def own(self, folder: Path) -> set[str]:
+        """Names in a folder that are the program's: what is listed, and what has come."""
+        return {*self.files, *(name for name in self.coming if not self.wrong_with(folder / name))}
+
     def write(self, folder: Path) -> None:
         """Write it into a folder; not flushed."""
         content = {"format": MANIFEST_FORMAT, **vars(self)}
@@ -118,11 +125,13 @@ class Manifest:
 
     def wrong_with(self, path: Path) -> str:
         """What is wrong with one listed file; empty where its content is the listed one."""
-        listed = self.files[path.name]
+        listed = [names[path.name] for names in (self.files, self.coming) if path.name in names]
         try:
-            if path.stat().st_size != listed["size"]:
-                return f"{path.stat().st_size} bytes, {listed['size']} were written"
-            return "" if sha256_of(path) == listed["sha256"] else "its content has changed"
+            size = path.stat().st_size
+            of_size = [one["sha256"] for one in listed if one["size"] == size]
+            if not of_size:
+                return f"{size} bytes, {listed[0]['size']} were written"
+            return "" if sha256_of(path) in of_size else "its content has changed"
         except FileNotFoundError:
             return "missing"
         except OSError as error:
@@ -277,7 +286,7 @@ def staging_of(folder: Path) -> Path:
 def _own(folder: Path) -> set[str]:
     """Names in a folder that are the program's."""
     manifest = Manifest.read(folder)
-    return {MANIFEST, *(manifest.files if manifest else ())}
+    return {MANIFEST, *(manifest.own(folder) if manifest else ())}
 
 
 def _bring_along(folder: Path, new: Path, own: set[str]) -> None:
@@ -358,6 +367,10 @@ def _dissolve(staging: Path, folder: Path) -> None:
 def add_files(folder: str | Path, made: Path, known: tuple[str, ...] = ()) -> tuple[str, ...]:
     """Publish files one by one into a folder, and list them in its manifest.
 
+    1. List the new contents beside the old ones: whatever is there from now on is vouched for.
+    2. Let each file take its place.
+    3. List the new contents alone.
+
     Parameters
     ----------
     folder : str or Path; made where missing
@@ -372,21 +385,31 @@ def add_files(folder: str | Path, made: Path, known: tuple[str, ...] = ()) -> tu
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     manifest, new = Manifest.read(folder) or Manifest(), Manifest.of(made)
-    taken = []
+    own = {MANIFEST, *known, *manifest.own(folder)}
+    taken = tuple(name for name in new.files if name not in own
+                  and os.path.lexists(folder / name) and new.wrong_with(folder / name))
+    for name in taken:
+        (made / name).unlink()
+        del new.files[name]
     for name in new.files:
-        own = name in known or name in manifest.files or name == MANIFEST
-        if os.path.lexists(folder / name) and not own and new.wrong_with(folder / name):
-            taken.append(name)
-            (made / name).unlink()
-            continue
         flush(made / name)
+    manifest.coming |= new.files
+    _list(manifest, made, folder)
+    for name in new.files:
         os.replace(made / name, folder / name)
-        manifest.files[name] = new.files[name]
+    flush(folder)
+    manifest.files |= new.files
+    manifest.coming = {name: one for name, one in manifest.coming.items() if name not in new.files}
+    _list(manifest, made, folder)
+    return taken
+
+
+def _list(manifest: Manifest, made: Path, folder: Path) -> None:
+    """Let a manifest, made elsewhere on the same file system, take its place in a folder."""
     manifest.write(made)
     flush(made / MANIFEST)
     os.replace(made / MANIFEST, folder / MANIFEST)
     flush(folder)
-    return tuple(taken)
 
 
 def discard(folder: str | Path) -> None:
