@@ -25,7 +25,7 @@ TABLES = {
     "kinked": TransmissionError.from_hermite(EIGHTHS, [0.25, -0.5, 0.5, 0.0], [1., 2., -1., 0.],
                                              [1., -3., 0.5, 0.]),
     "smooth": TransmissionError.from_hermite(EIGHTHS, [0.25, -0.5, 0.5, 0.0], [1., 2., -1., 0.]),
-    "quintic": TransmissionError([0.0, 1.0], [[0.25, 1.0, -2.0, 0.5, 1.0, -0.5]], [True]),
+    "quintic": TransmissionError([0.0, 1.0], [[0.0, 1.0, -0.5, -0.5, -0.5, 0.5]], [True]),
 }
 # (ξ, Ω), ξ/Ω from 1e-14 to 1e7: more short steps than are taken, of one scale and of two; or so
 # few that they would cancel.
