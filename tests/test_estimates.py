@@ -1,5 +1,6 @@
 """Memory: the bounds against what studies take, the limits known, and the refusals."""
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -7,8 +8,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lapwing import GearPair, TransmissionError, engine, estimates, sweep
+from lapwing import (
+    GearPair,
+    TransmissionError,
+    critical_back,
+    engine,
+    estimates,
+    exit_codes,
+    simulate,
+    sweep,
+)
+from lapwing.deck import load_deck
 from lapwing.estimates import available_bytes, refusal, response_bytes, spell, sweep_bytes
+from lapwing.results.variables import described
+from lapwing.run import run_deck
+from lapwing.studies.critical_starts import StartGrid
 from lapwing.studies.response import response
 
 PLAIN = (Path(__file__).parent / "deck" / "accepted" / "plain.nml").read_text(encoding="utf-8")
@@ -118,3 +132,63 @@ def test_words():
         "needs at least 3.7 TB of memory, 16 GB are available; lower record")
     assert [spell(n) for n in (0, 999, 1000, 10**6, 2 * 10**18)] == [
         "0 bytes", "999 bytes", "1 kB", "1 MB", "2e+03 PB"]
+
+
+# --- disk -------------------------------------------------------------------------------------
+
+
+def test_disk_between_the_bounds(tmp_path):
+    """What a run leaves: more than the least, and no more than tables, figures and a little."""
+    deck = tmp_path / "deck.nml"
+    deck.write_text(PLAIN, encoding="utf-8")
+    least, tables = estimates.disk_bytes(load_deck(deck, []))
+    subprocess.run([sys.executable, "-m", "lapwing", "run", str(deck), "--out",
+                    str(tmp_path / "out")], check=True, capture_output=True)
+    files = {path.name: path.stat().st_size for path in (tmp_path / "out" / "deck").iterdir()}
+    assert least < sum(files.values())
+    # The log of events, and what a file of groups and attributes takes by itself.
+    assert files["result.nc"] < tables + 1_000_000
+
+
+def test_tables_are_counted_as_they_are_stored():
+    pair = GearPair(25, 32, .0078, .026, .034, 3.12e8, .002, .8, damping_ratio=.1)
+    te = TransmissionError.parabola(125e-6)
+    osc = pair.oscillator(te, brake_torque=30., pinion_speed_rpm=240.)
+    one = described(response(osc, pair, name="a", record_cycles=3, settle_cycles=1))
+    samples = sum(v.dtype.itemsize for v in one.variables.values() if v.dims == ("sample",))
+    assert samples == estimates.STORED_SAMPLE
+    cycles = described(sweep(pair, te, parameter="brake_torque", values=[30.], starts=["rest"],
+                             settle=0, record=3, observe=["cycles"], pinion_speed_rpm=240.))
+    stored = sum(v.dtype.itemsize for v in cycles.data_vars.values() if "recorded_cycle" in v.dims)
+    assert stored == estimates.STORED_CYCLE
+
+
+def test_a_disk_that_is_too_small_is_refused_before_work(tmp_path, monkeypatch, capsys):
+    deck = tmp_path / "deck.nml"
+    deck.write_text(PLAIN, encoding="utf-8")
+    loaded = load_deck(deck, [])
+    least, _ = estimates.disk_bytes(loaded)
+    assert f"; disk at least {spell(least)}, and up to " in estimates.stated(loaded)
+    estimates.require_disk(loaded, tmp_path / "not" / "there", least)
+    with pytest.raises(OSError, match=r"no space: results take at least .* of disk") as caught:
+        estimates.require_disk(loaded, tmp_path / "not" / "there", least - 1)
+    assert exit_codes.of_error(caught.value) == exit_codes.ExitCode.SURROUNDINGS
+    full = shutil.disk_usage(tmp_path)._replace(free=1000)
+    monkeypatch.setattr(estimates.shutil, "disk_usage", lambda path: full)
+    monkeypatch.setattr("lapwing.studies.of_deck.compute", lambda *_: pytest.fail("it worked"))
+    with pytest.raises(OSError, match="1 kB are free"):
+        run_deck(loaded, tmp_path / "out", threads=1)
+    assert not (tmp_path / "out" / "deck").exists()
+
+
+def test_single_calls_are_refused_alike():
+    pair = GearPair(25, 32, .0078, .026, .034, 3.12e8, .002, .8, damping_ratio=.1)
+    te = TransmissionError.parabola(125e-6)
+    osc = pair.oscillator(te, brake_torque=1.8, pinion_speed_rpm=240.0)
+    with pytest.raises(MemoryError, match=r"simulate: needs at least 272 GB .*; lower cycles"):
+        simulate(osc, cycles=2e9)
+    given = {"values": [2.0, 3.0], "pinion_speed_rpm": 240.0}
+    with pytest.raises(MemoryError, match=r"critical: needs at least .*; lower record"):
+        critical_back(pair, te, record=2 * 10**9, **given)
+    with pytest.raises(MemoryError, match=r"critical: needs at least .*; lower start"):
+        critical_back(pair, te, starts=StartGrid(1000, 1000, 1000), **given)

@@ -196,6 +196,8 @@ PYTHON_LAYERS = [
     {"threads", "transmission_error", "arrivals", "findings"},
     {"oscillator"},
     {"gear_pair", "start"},
+    {"linear_steps"},
+    {"long_period"},
     {"linear_response"},
     {"rigid_contact"},
     {"deck"},

@@ -1,4 +1,4 @@
-"""Memory that a study takes at least, and what there is: what cannot fit is refused before work.
+"""Memory and disk that a study takes at least, and what there is: what cannot fit is refused.
 
 The bounds count the engine's tables alone, every element of which is written: no study takes less.
 What is made from them (statistics, figures) comes on top; tests hold the whole to 4 times as much.
@@ -6,12 +6,19 @@ What is made from them (statistics, figures) comes on top; tests hold the whole 
 
 from __future__ import annotations
 
+import errno
 import math
+import shutil
 from pathlib import Path
 
 # Columns of the engine's tables (loading it takes longer than `check` itself), bytes of a number.
 CYCLE, TANGENT, LOG, SAMPLE, REAL = 17, 13, 6, 3, 8
 LOG_ROOM = 2000
+# In the result file, per sample and per cycle: numbers of 8 bytes, and whole ones of 4 and 1.
+STORED_SAMPLE, STORED_CYCLE = 6 * 8 + 4 + 1, 4 * 8 + 12 * 4
+# Deflate makes no more of it; a figure in its two formats is never smaller.
+PACKED, FIGURE = 1032, 20_000
+FIGURES_OF_RESPONSE, FIGURES_OF_SWEEP = 3, 2
 _NO_LIMIT = 2**60
 
 
@@ -79,10 +86,43 @@ def deck_bytes(deck: object) -> list[tuple[str, int, str]]:
         for study in deck.sweeps]
 
 
+def disk_bytes(deck: object) -> tuple[int, int]:
+    """Bytes of a deck's results: at least on disk, and of the result file's tables as such.
+
+    Tables of samples and cycles are compressed, regular motions to a small part, chaotic ones
+    hardly. The log of events comes on top; how long it gets is known by the run alone.
+    """
+    tables = sum(study.record_cycles * (study.samples_per_cycle * STORED_SAMPLE + STORED_CYCLE)
+                 for study in deck.responses)
+    tables += sum(study.values.size * len(study.starts) * study.record_cycles * STORED_CYCLE
+                  for study in deck.sweeps)
+    figures = FIGURES_OF_RESPONSE * len(deck.responses) + FIGURES_OF_SWEEP * len(deck.sweeps)
+    return tables // PACKED + FIGURE * figures, tables
+
+
+def require_disk(deck: object, folder: Path, free: int | None = None):
+    """OSError (no space left) where the results of a deck cannot fit, before any work.
+
+    Parameters
+    ----------
+    deck : lapwing.deck.Deck
+    folder : Path, where results go; need not exist
+    free : int or None, bytes; default: what the file system has for this user
+    """
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    free = shutil.disk_usage(there).free if free is None else free
+    needed, _ = disk_bytes(deck)
+    if needed > free:
+        raise OSError(errno.ENOSPC, f"no space: results take at least {spell(needed)} of disk, "
+                                    f"{spell(free)} are free", str(folder))
+
+
 def stated(deck: object) -> str:
-    """What the largest response or sweep of a deck takes at least, to end a line of `check`."""
+    """What a deck takes at least, to end a line of `check`: memory of its largest study, disk."""
     most = max((needed for _, needed, _ in deck_bytes(deck)), default=0)
-    return f"; memory at least {spell(most)}" * (most > 0)
+    least, tables = disk_bytes(deck)
+    return (f"; memory at least {spell(most)}; disk at least {spell(least)}, and up to "
+            f"{spell(tables)} of tables where they cannot be compressed") * (most > 0)
 
 
 def refusals(deck: object) -> list[str]:

@@ -11,6 +11,9 @@ whose terms fall like 1/k!.  Summed to rounding this is the exact solution (forc
 2×2 propagator) for every ξ, also at ξ = 1, and it does not cancel however short a step is, as the
 textbook split into particular polynomial and free motion does for w << 1.
 
+Where the mesh period is so long against the oscillator's own times that these steps would be
+many, the free motion is kept apart from the polynomials (module `long_period`).
+
 Between steps θ' is continuous, so φ' drops by whatever g' jumps: a kink, or the rounding left
 where two pieces join.  Ignoring the latter would leave a mean force, (jump sum)/P, that is not
 there; at Ω = 60 and 200 pieces it spoils the eighth digit.
@@ -29,11 +32,14 @@ import numpy as np
 from numpy.polynomial import polynomial as power
 
 from lapwing import arguments
+from lapwing.linear_steps import TERMS, expanded, least_value, periodic_states, series, unit_motions
+from lapwing.long_period import APART, least_of_long, long_response
 from lapwing.oscillator import Oscillator
-from lapwing.transmission_error import stationary_points
 
-# |λ|·w <= 1 for both free exponents λ, so the first neglected term is below 1/21! = 2e-20.
-_TERMS = 21
+# More short steps than this, and than two for each piece of the table, are not taken.
+_MOST_STEPS = 10_000
+# ... nor any where the response is a difference of parts so many times larger, EPS·ξΩ off.
+_MOST_CANCELLED = 1e6
 # Nearer to an undamped resonance than this, relative, fewer than three digits would be left.
 _RESONANCE = 1e3 * np.finfo(float).eps
 
@@ -53,29 +59,45 @@ class EngagedResponse:
     ----------
     edges : (n+1,) array, mesh periods; step ends, every knot of the table among them
     coefficients : (n, 21) array, rad; φ in ascending powers of t = (phase - edge)/(step length)
+    free : (n, 2) array, rad and rad per τ; value and slope at the start of each step of a free
+        motion that adds to the powers of t: not 0 on steps only that are long against its times
     period : float; mesh period in τ
+    damping_ratio : float; ξ of the free motion
     minimum, minimum_phase : float; least φ (rad) and its phase (mesh periods)
     """
 
     edges: np.ndarray
     coefficients: np.ndarray
+    free: np.ndarray
     period: float
+    damping_ratio: float
     minimum: float
     minimum_phase: float
 
     def __post_init__(self):
-        self.edges.flags.writeable = self.coefficients.flags.writeable = False
+        for array in (self.edges, self.coefficients, self.free):
+            array.flags.writeable = False
 
     def penetration(self, phase, order=0):
         """φ (rad) or its derivative with respect to τ at `phase` (periods); right limits."""
-        order = arguments.whole("order", order, 0, _TERMS)
+        order = arguments.whole("order", order, 0, TERMS)
         phase = np.mod(arguments.reals("phase", phase, empty=True), 1.0)
         phase = np.where(phase == 1.0, 0.0, phase)
         step = np.searchsorted(self.edges, phase, side="right") - 1
         width = np.diff(self.edges)[step]
         local = np.moveaxis(power.polyder(self.coefficients[step], order, axis=-1), -1, 0)
         value = power.polyval((phase - self.edges[step]) / width, local, tensor=False)
-        return value / (width * self.period) ** order
+        value = value / (width * self.period) ** order
+        return value + self._free_motion(step, phase, order) if self.free.any() else value
+
+    def _free_motion(self, step, phase, order):
+        """Its value or derivative of an order; each derivative follows from the two before."""
+        time = (phase - self.edges[step]) * self.period
+        state = np.einsum("xs...,...s->x...", unit_motions(self.damping_ratio, time),
+                          self.free[step])
+        for _ in range(order):
+            state = np.array([state[1], -state[0] - 2 * self.damping_ratio * state[1]])
+        return state[0]
 
 
 def engaged_response(osc):
@@ -100,7 +122,7 @@ def engaged_response(osc):
     """
     arguments.instance("osc", osc, Oscillator)
     response = _unforced(osc)
-    coefficients = response.coefficients + np.eye(1, _TERMS) * osc.force
+    coefficients = response.coefficients + np.eye(1, TERMS) * osc.force
     return replace(response, coefficients=coefficients, minimum=response.minimum + osc.force)
 
 
@@ -142,10 +164,20 @@ def _unforced(osc):
     _refuse_resonance(osc.damping_ratio, osc.period)
     if len(osc.te.harmonics):
         edges, coefficients = _response_to_series(osc)
+    elif _is_long(osc):
+        return _long_response(osc)
     else:
         edges, coefficients = _response_to_table(osc)
-    minimum, phase = least_value(edges, coefficients)
-    return EngagedResponse(edges, coefficients, osc.period, minimum, phase)
+    least = least_value(edges, coefficients)
+    free = np.zeros((len(coefficients), 2))
+    return EngagedResponse(edges, coefficients, free, osc.period, osc.damping_ratio, *least)
+
+
+def _long_response(osc):
+    """The response where there are few steps, and free motions beside their polynomials."""
+    steps = long_response(osc)
+    least = least_of_long(osc.damping_ratio, osc.period, *steps)
+    return EngagedResponse(*steps, osc.period, osc.damping_ratio, *least)
 
 
 def _response_to_series(osc):
@@ -181,7 +213,7 @@ def series_steps(order, amplitude):
     """
     count = max(1, math.ceil(2 * math.pi * np.max(order, initial=0.0)))
     edges = np.arange(count + 1) / count
-    power_of_t = np.arange(_TERMS)
+    power_of_t = np.arange(TERMS)
     factorial = np.array([math.factorial(k) for k in power_of_t], dtype=float)
     turn = (2j * math.pi * order / count)[:, None] ** power_of_t / factorial
     start = amplitude * np.exp(2j * math.pi * edges[:-1, None] * order)
@@ -194,79 +226,43 @@ def _response_to_table(osc):
     width = np.diff(edges) * osc.period
     jumps = forcing[:, 1] / width - np.roll(forcing @ np.arange(6) / width, 1)
     zero, one = np.zeros_like(width), np.ones_like(width)
-    solve = np.array([_series(osc.damping_ratio, width, *start) for start in (
+    solve = np.array([series(osc.damping_ratio, width, *start) for start in (
         (one, zero, 0 * forcing), (zero, width, 0 * forcing), (zero, zero, forcing))])
     position = solve.sum(axis=2)
-    velocity = solve @ np.arange(_TERMS) / width
+    velocity = solve @ np.arange(TERMS) / width
     maps = np.moveaxis(np.array([position, velocity]), -1, 0)
-    states = _periodic_states(maps[:, :, :2], maps[:, :, 2], jumps)
+    states = periodic_states(maps[:, :, :2], maps[:, :, 2], jumps)
     return edges, np.einsum("ni,ink->nk", np.column_stack([states, one]), solve)
+
+
+def _longest(osc):
+    """Length of the short steps, mesh periods: at most 1/|λ| of both free exponents λ."""
+    return 1 / (osc.period * max(1.0, 2 * osc.damping_ratio))
+
+
+def _short_steps(osc):
+    """How many short steps the table would take; may be infinite."""
+    return float(np.sum(np.maximum(1.0, np.ceil(np.diff(osc.te.knots) / _longest(osc)))))
+
+
+def _is_long(osc):
+    """Whether the free motion is kept apart: else steps would be many, or digits lost."""
+    cancelled = osc.damping_ratio * osc.mesh_frequency_ratio if osc.damping_ratio >= APART else 0.0
+    return (cancelled > _MOST_CANCELLED
+            or _short_steps(osc) > max(_MOST_STEPS, 2 * len(osc.te.coefficients)))
 
 
 def _steps(osc):
     """Step ends (phase) and g on each step in powers of t."""
     te = osc.te
-    longest = 1 / (osc.period * max(1.0, 2 * osc.damping_ratio))
+    longest = _longest(osc)
     edges, forcing = [], []
     for i, width in enumerate(np.diff(te.knots)):
         count = max(1, math.ceil(width / longest))
         start = np.arange(count) * (width / count)
-        taylor = np.stack([power.polyval(start, power.polyder(te.coefficients[i], k))
-                           / math.factorial(k) for k in range(6)], axis=1)
         edges.append(te.knots[i] + start)
-        forcing.append(taylor * (width / count) ** np.arange(6))
+        forcing.append(expanded(te.coefficients[i], start, np.full(count, width / count)))
     return np.append(np.concatenate(edges), 1.0), osc.flank_scale * np.vstack(forcing)
-
-
-def _series(damping_ratio, width, start, slope, forcing):
-    """b_k of the module's recursion for all steps at once, (n, 21)."""
-    terms = np.zeros((width.size, _TERMS))
-    terms[:, 0], terms[:, 1] = start, slope
-    for k in range(_TERMS - 2):
-        terms[:, k + 2] = (-2 * damping_ratio * width * terms[:, k + 1] / (k + 2)
-                           - width**2 * terms[:, k] / ((k + 1) * (k + 2)))
-        if k < 4:
-            terms[:, k + 2] -= forcing[:, k + 2]
-    return terms
-
-
-def _periodic_states(maps, shifts, jumps):
-    """(φ, φ') at the start of each step, right of a kink; φ' drops there by the jump of g'."""
-    def run(state):
-        for matrix, shift, drop in zip(maps, shifts, np.roll(jumps, -1), strict=True):
-            yield state
-            state = matrix @ state + shift - (0.0, drop)
-        yield state
-
-    zero, *units = ([*run(np.array(start))][-1] for start in ((0., 0.), (1., 0.), (0., 1.)))
-    linear = np.column_stack([unit - zero for unit in units])
-    return np.array([*run(np.linalg.solve(np.eye(2) - linear, zero))][:-1])
-
-
-def least_value(edges, coefficients):
-    """Least value over all steps, and its phase (mesh periods).
-
-    Parameters
-    ----------
-    edges : (n+1,) array, mesh periods
-    coefficients : (n, m) array, ascending powers of t = (phase - edge)/(step length)
-
-    On a step φ >= (φ(0) + φ(1) - max|dφ/dt|)/2; only steps whose bound is below the least end
-    value are searched, by the roots of the derivative.
-    """
-    ends = coefficients[:, 0]
-    steepest = np.abs(coefficients) @ np.arange(coefficients.shape[1])
-    bound = (ends + coefficients.sum(axis=1) - steepest) / 2
-    best = int(np.argmin(ends))
-    least, phase = float(ends[best]), float(edges[best])
-    for i in np.flatnonzero(bound < least):
-        points = stationary_points(coefficients[i])
-        values = power.polyval(points, coefficients[i])
-        at = int(np.argmin(values))
-        if values[at] < least:
-            least = float(values[at])
-            phase = float(edges[i] + points[at] * (edges[i + 1] - edges[i])) % 1.0
-    return least, phase
 
 
 def _refuse_resonance(damping_ratio, period):

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lapwing import arguments
-from lapwing.linear_response import flank_harmonics, least_value, series_steps
+from lapwing.linear_response import flank_harmonics, series_steps
+from lapwing.linear_steps import least_value
 from lapwing.oscillator import Oscillator
 
 # Why no force keeps contact.

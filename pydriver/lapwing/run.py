@@ -11,7 +11,7 @@ import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from lapwing import __version__
+from lapwing import __version__, estimates
 from lapwing.deck import DeckError, changed_keys, load_deck, used_hash, used_text
 from lapwing.deck.schema import SPEEDS
 from lapwing.deck.used import stored_hash
@@ -237,6 +237,7 @@ class _Run:
         known = {} if force else self._known()
         if known is None:
             return Outcome(self.folder, reused=True)
+        estimates.require_disk(self.deck, self.folder)
         with Crew(self.threads) as crew:
             found = compute(self.deck, self.threads, self.report, known)
             return self._publish(found, crew)

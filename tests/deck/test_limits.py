@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from lapwing.deck import DeckError, load_deck, parser
+from lapwing.deck import DeckError, load_deck, parser, problems
 
 PLAIN = (Path(__file__).parent / "accepted" / "plain.nml").read_text(encoding="utf-8")
 
@@ -102,3 +102,20 @@ def test_what_is_counted_and_not_listed_is_refused_all_the_same(tmp_path):
     problems = refusal(tmp_path, PLAIN.replace("&response name = 'a' /", groups))
     assert len(problems) == 20
     assert problems[-1].endswith("(... and 40 more of this kind)")
+
+
+@pytest.mark.parametrize("separator", [", ", ",", " ,\n  ", ",\n", ", ! why\n", ",,", " "])
+def test_words_of_a_long_list_know_their_places(separator):
+    """Many numbers are one token of the grammar; a word is what the text holds at its place."""
+    numbers = [f"{sign}{i}.5{exponent}" for i in range(12) for sign in ("", "-")
+               for exponent in ("", "e-3")]
+    text = "&sweep\n values = 7, " + separator.join([*numbers, "12abc", *numbers, "'x'"]) + "\n/"
+    group, = parser.parse(text, "deck", problems.Report())
+    words = group.entries["values"].words
+    assert [word.text for word in words if word.kind != "COMMA"] \
+        == ["7", *numbers, "12abc", *numbers, "'x'"]
+    assert len(words) == len(re.findall(r"[^\s,]+|,", re.sub("!.*", "", text))) - 4
+    for word in words:
+        assert text[word.start:word.end] == word.text
+        before = text[:word.start]
+        assert word.place == ("deck", before.count("\n") + 1, word.start - before.rfind("\n"))

@@ -2,6 +2,7 @@
 
 Of 200 intervals of 95 % that are right 184 to 197 cover the truth (binomial, 98 % of all sets of
 seeds); where an interval is wide by construction, or a count is whole, no upper limit is asked for.
+`test_intervals_of_motions` does the same with the program's own motions.
 """
 
 import math
@@ -97,11 +98,39 @@ def test_what_is_not_known_is_not_stated(series):
     assert math.isnan(found.half_width) and math.isnan(found.effective) and found.batches == 0
 
 
-def test_a_record_of_few_correlation_times_is_refused_or_covered():
+def switching(memory, n, rng):
+    """A state that is left with probability (1 - memory)/2 in each cycle, mean 0."""
+    left = np.cumsum(rng.random(n) < 0.5 * (1 - memory))
+    return (left + (rng.random() < 0.5)) % 2 - 0.5
+
+
+@pytest.mark.parametrize("kind", [autoregressive, switching])
+@pytest.mark.parametrize("times", [10, 20])
+def test_a_record_of_few_correlation_times_claims_nothing(kind, times):
     rng = np.random.default_rng(4)
-    found = [mean_interval(autoregressive(0.99, 4000, rng)) for _ in range(REPEATS)]
+    for memory in (0.5, 0.9, 0.98):
+        n = round(times * (1 + memory) / (1 - memory))
+        found = [mean_interval(kind(memory, n, rng)) for _ in range(REPEATS)]
+        assert sum(math.isfinite(one.half_width) for one in found) <= REPEATS / 50
+
+
+@pytest.mark.parametrize("kind", [autoregressive, switching])
+@pytest.mark.parametrize(("memory", "times"), [
+    (0.0, 80), (0.5, 60), (0.9, 60), (0.9, 80), (0.9, 160), (0.98, 80)])
+def test_a_short_record_covers_or_claims_nothing(kind, memory, times):
+    """White noise of 80 cycles among them; of the intervals that are stated, 92 % and more."""
+    if kind is switching and memory == 0.0:
+        pytest.skip("two values without a memory are white noise, too")
+    rng = np.random.default_rng(6)
+    n = round(times * (1 + memory) / (1 - memory))
+    found = [mean_interval(kind(memory, n, rng)) for _ in range(REPEATS)]
     known = [one for one in found if math.isfinite(one.half_width)]
-    assert len(known) < REPEATS / 4
+    assert len(known) >= REPEATS * (0.4 if times < 80 else 0.8)
+    assert sum(abs(one.mean) <= one.half_width for one in known) >= LEAST * len(known) / REPEATS
+
+
+def test_the_correlation_time_of_a_long_record():
+    rng = np.random.default_rng(4)
     assert correlation_time(autoregressive(0.99, 200_000, rng)) == pytest.approx(199, rel=0.15)
 
 

@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 from lapwing.deck.problems import Place
 from lapwing.deck.values import MAX_LIST
@@ -14,13 +15,14 @@ from lapwing.text_file import TextFileError, read_text
 
 MAX_BYTES = 4_000_000
 MAX_COUNTS = {"groups": 1000, "keys": 10_000, "words": 200_000}
+# Inside a token of many numbers: one of them, or a comma.
+_NUMBER = re.compile(r"[^\s,]+|,")
 # The tokens of the grammar as far as counting them needs.
 _ROUGH = re.compile(r"""![^\n]*|(?P<groups>[&$](?!end\b))|(?P<keys>=)|(?P<words>'(?:[^'\n]|'')*'|
     "(?:[^"\n]|"")*"|[^\s,!=&$]+)""", re.IGNORECASE | re.VERBOSE)
 
 
-@dataclass(frozen=True)
-class Word:
+class Word(NamedTuple):
     """One token: its kind in the grammar, its text, its place and extent in the text."""
 
     kind: str
@@ -113,13 +115,29 @@ def parse(text, file, report):
 
 def lex_value(text, file):
     """Words of a value given outside a file, all at the place of the override itself."""
-    return [Word(token.type, str(token), Place(file), token.start_pos, token.end_pos)
-            for token in _parser().lex(text.replace("\r", "\n"))]
+    return [Word(word.kind, word.text, Place(file), word.start, word.end)
+            for token in _parser().lex(text.replace("\r", "\n")) for word in _words(token, file)]
 
 
 def _word(token, file):
     place = Place(file, token.line, token.column)
     return Word(token.type, str(token), place, token.start_pos, token.end_pos)
+
+
+def _words(token, file):
+    """The words of a token: itself, or the numbers and commas it is made of."""
+    if token.type != "NUMBERS":
+        return [_word(token, file)]
+    words, line, before, seen = [], token.line, -token.column, 0
+    for found in _NUMBER.finditer(token):
+        at, text = found.start(), found[0]
+        breaks = token.count("\n", seen, at)
+        if breaks:
+            line, before = line + breaks, token.rfind("\n", seen, at)
+        seen = at
+        words.append(Word("COMMA" if text == "," else "WORD", text, Place(file, line, at - before),
+                          token.start_pos + at, token.start_pos + found.end()))
+    return words
 
 
 def _group(tree, file, report):
@@ -136,17 +154,16 @@ def _group(tree, file, report):
         elif child.data == "entry":
             _entry(child, group, file, report)
         elif child.data == "stray":
-            word = _word(child.children[0], file)
-            _refuse_hash(word, report) or report.add(
-                word.place, f"{cut(word.text)} is no `key = value`")
+            for word in _words(child.children[0], file):
+                _refuse_hash(word, report) or report.add(
+                    word.place, f"{cut(word.text)} is no `key = value`")
     _outside(tree, file, report, True)
     return group, closed
 
 
 def _entry(tree, group, file, report):
-    words = [_word(token, file) for token in [tree.children[0]]]
-    words += [_word(item.children[0], file) for item in tree.children[2:]]
-    key, *words = words
+    key = _word(tree.children[0], file)
+    words = [word for item in tree.children[2:] for word in _words(item.children[0], file)]
     name = _lower(key.text)
     words = [word for word in words if not _refuse_hash(word, report)]
     if name in group.entries:
@@ -158,8 +175,8 @@ def _entry(tree, group, file, report):
 
 def _outside(tree, file, report, after_group):
     """Report each run of text between groups once."""
-    words = [_word(child.children[0], file) for child in tree.children
-             if getattr(child, "data", "") == "outside"]
+    words = [word for child in tree.children if getattr(child, "data", "") == "outside"
+             for word in _words(child.children[0], file)]
     words = [word for word in words if not _refuse_hash(word, report)]
     if words:
         hint = "; the / before it has closed the group" if after_group and tree.data == "group" \

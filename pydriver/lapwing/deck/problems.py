@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import difflib
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from lapwing.messages import bounded, cut, cut_words
 
 
-@dataclass(frozen=True)
-class Place:
+class Place(NamedTuple):
     """A position in a source: a file, or an override from the command line (line 0)."""
 
     file: str

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from lapwing.deck.problems import Place
 from lapwing.messages import cut
@@ -22,8 +22,7 @@ class Bare:
     """A word that is no value; no key accepts it."""
 
 
-@dataclass(frozen=True)
-class Value:
+class Value(NamedTuple):
     """One value with its source text, place and a remark that explains a refusal."""
 
     value: object

@@ -7,12 +7,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lapwing import arguments, engine
+from lapwing import arguments, engine, estimates
 from lapwing.codes import MotionState, Status
 from lapwing.engine import CYCLE_NAMES, Wanted
 
 # One call into the engine holds at most this much of the cycle tables.
 MAX_BYTES = 1 << 26
+# Of one start in a list: a tuple of four and its place.
+START_BYTES = 96
 ENGAGED = 1 << MotionState.ENGAGEMENT
 
 
@@ -53,6 +55,8 @@ def start_grid(osc, grid, phase=0.0):
     -------
     list of (motion state or engine.REST, φ rad, φ' rad per τ, phase), as `engine.sweep` takes them
     """
+    estimates.require(START_BYTES * grid.phases * grid.positions * grid.speeds, "critical",
+                      "starts (start_phases, start_positions or start_speeds)")
     low, high = osc.flank_extrema
     pull = max(abs(osc.force), osc.mesh_frequency_ratio**2 * (high - low))
     starts = []
@@ -137,6 +141,8 @@ def follow(oscillators, starts, settle, record, *, numerics, threads, progress=N
     -------
     Fates
     """
+    estimates.require(estimates.sweep_bytes(1, record), "critical",
+                      "record (record_cycles)")
     batch = max(1, MAX_BYTES // (8 * engine.CYCLE_COLUMNS * record))
     done, total = [], len(starts)
     for first in range(0, total, batch):

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from lapwing import arguments, engine
+from lapwing import arguments, engine, estimates
 from lapwing.arguments import MAX_INT, shown
 from lapwing.codes import MotionState, Status
 from lapwing.engine import CYCLE_NAMES, Numerics, TrajectoryCall, Wanted, position
@@ -120,6 +121,8 @@ def simulate(osc, start="rest", phase=0.0, cycles=50, method="auto", rtol=1e-10,
     ------
     TypeError, ValueError
         for a start that contradicts itself and for every refused argument.
+    MemoryError
+        before any work, where the table of cycles cannot fit.
     """
     arguments.instance("osc", osc, Oscillator)
     numerics = Numerics(method=method, rtol=rtol, chatter_tol=chatter_tol, count_depth=count_depth,
@@ -130,6 +133,9 @@ def simulate(osc, start="rest", phase=0.0, cycles=50, method="auto", rtol=1e-10,
         start, phase = (start.motion_state, start.phi, start.phi_dot), start.phase
     record = arguments.choices("record", record, RECORDS)
     cycles = arguments.real("cycles", cycles, above=0.0, low=0.0, high=MAX_INT - 2)
+    if "cycles" in record:
+        estimates.require(estimates.sweep_bytes(1, math.ceil(cycles)), "simulate",
+                          "cycles, or leave 'cycles' out of record")
     if isinstance(start, HybridState):
         if start._blob is None:
             raise ValueError("start: this state is no end of a run")
