@@ -1,9 +1,9 @@
 !> One trajectory from where it is to a target, recorded.
 module lapwing_run
   use lapwing_kinds, only: wp, int64
-  use lapwing_hybrid_advance, only: advance_any
+  use lapwing_hybrid_automaton, only: advance
   use lapwing_codes, only: status_ok, status_unfinished, status_step_too_small, status_not_finite
-  use lapwing_flow_rk4_crossing, only: work_t
+  use lapwing_flow, only: flow_t, work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_observers_recorder, only: record_segment, sample_at, look_ahead
   use lapwing_observers_records, only: recorder_t, log_has_room
@@ -24,9 +24,10 @@ contains
   !> A stretch that would pass the target is looked at (a sample there sees it) and taken back: the
   !> state stays where it began and nothing else of it is recorded. Going on repeats it bit for
   !> bit, so that where a run is cut changes nothing.
-  subroutine run_to(system, numerics, target_cycle, target_t, deadline, state, recorder, work, &
-      status)
+  subroutine run_to(system, flow, numerics, target_cycle, target_t, deadline, state, recorder, &
+      work, status)
     class(system_t), intent(in) :: system            !! what moves
+    class(flow_t), intent(in) :: flow                !! how
     type(numerics_t), intent(in) :: numerics         !! tolerances and bounds
     integer, intent(in) :: target_cycle              !! cycle of the target
     real(wp), intent(in) :: target_t                 !! time in it
@@ -52,7 +53,7 @@ contains
       if (status /= status_ok) return
       before = state
       work_before = work
-      call advance_any(system, numerics, state, segment, work, status)
+      call advance(system, flow, numerics, state, segment, work, status)
       if (status == status_step_too_small .or. status == status_not_finite) then
         state = before
         return
@@ -61,10 +62,10 @@ contains
         state = before
         work = work_before
         status = status_ok
-        call look_ahead(recorder, system, segment, target_t, work)
+        call look_ahead(recorder, system, flow, segment, target_t, work)
         exit
       end if
-      call record_segment(recorder, system, segment, before%instant, work)
+      call record_segment(recorder, system, flow, segment, before%instant, work)
       if (status /= status_ok) return
       if (segment%cycle_completed .and. numerics%copy_repeats) then
         call end_of_cycle(repetition, target_cycle, state, recorder, work)
