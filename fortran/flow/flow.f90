@@ -19,14 +19,14 @@ module lapwing_flow
     type(motion_t) :: motion             !! step it is part of, where the flow takes steps
   end type arc_t
 
-  !> The end of an arc.
+  !> The end of an arc. Nothing is set beforehand: an arc is too short for that.
   type :: reached_t
-    integer :: flank = 0                 !! flank met, or none
-    real(wp) :: s = 0                    !! duration
-    integer :: chart = 1                 !! flank that y refers to: the one met, if any
-    integer :: piece = 1                 !! piece of the flank's motion, where to look first
-    real(wp) :: y(max_states) = 0        !! state variables, before whatever happens there
-    real(wp) :: flank_velocity = 0       !! of the flank met, where the impact law asks for it
+    integer :: flank                     !! flank met, or none
+    real(wp) :: s                        !! duration
+    integer :: chart                     !! flank that y refers to: the one met, if any
+    integer :: piece                     !! piece of the flank's motion, where to look first
+    real(wp) :: y(max_states)            !! state variables, before whatever happens there
+    real(wp) :: flank_velocity           !! of the flank met, where the impact law asks for it
   end type reached_t
 
   !> What was done, for tests of "no more than the scene needs" and for benchmarks.
@@ -55,6 +55,7 @@ module lapwing_flow
   end type listener_t
 
   type, abstract :: flow_t
+    logical :: takes_steps = .false.     !! whether every arc needs its frame
   contains
     procedure(open_i), deferred :: open
     procedure(advance_i), deferred :: advance
@@ -75,25 +76,25 @@ module lapwing_flow
       type(instant_t), intent(in) :: instant        !! where the system is then
     end subroutine hear_i
 
-    !> Frame of the arc that begins at an instant, or at least its stop.
-    subroutine open_i(self, system, instant, fully, frame)
+    !> Frame of the arc that begins at an instant.
+    subroutine open_i(self, system, instant, frame)
       import :: flow_t, system_t, instant_t, frame_t
       implicit none
       class(flow_t), intent(in) :: self
       class(system_t), intent(in) :: system         !! what moves
       type(instant_t), intent(in) :: instant        !! where the arc begins
-      logical, intent(in) :: fully                  !! whether others look at the flanks, too
       type(frame_t), intent(inout) :: frame         !! its frame
     end subroutine open_i
 
     !> Follow an arc to the first guard or its stop, or part of the way.
-    subroutine advance_i(self, system, tolerance, arc, memory, reached, work, status)
+    subroutine advance_i(self, system, tolerance, opened, arc, memory, reached, work, status)
       import :: flow_t, system_t, arc_t, step_memory_t, reached_t, work_t, wp
       implicit none
       class(flow_t), intent(in) :: self
       class(system_t), intent(in) :: system         !! what moves
       real(wp), intent(in) :: tolerance             !! relative, per step
-      type(arc_t), intent(inout) :: arc             !! the arc as opened
+      logical, intent(in) :: opened                 !! whether the arc's frame is
+      type(arc_t), intent(inout) :: arc             !! the arc
       type(step_memory_t), intent(inout) :: memory(0:)   !! by motion state
       type(reached_t), intent(inout) :: reached     !! its end
       type(work_t), intent(inout) :: work           !! counts

@@ -12,7 +12,7 @@ module lapwing_hybrid_automaton
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_polynomial_evaluation, only: max_degree
   use lapwing_polynomial_roots, only: first_descent
-  use lapwing_system, only: system_t, instant_t, frame_t, max_states
+  use lapwing_system, only: system_t, frame_t, approach_velocity, max_states
   implicit none
   private
   public :: advance
@@ -36,8 +36,8 @@ contains
     segment%moves = .false.
     segment%n_events = 0
     segment%cycle_completed = .false.
-    clear = begins_clear(system, state%instant)
-    call flow%open(system, state%instant, .not. clear, segment%frame)
+    clear = system%begins_clear(state%instant, listed_down_to*system%period)
+    if (flow%takes_steps .or. .not. clear) call flow%open(system, state%instant, segment%frame)
     if (.not. clear) then
       if (state%instant%motion_state == separation) then
         call meet_flanks(system, numerics, state, segment, resolved)
@@ -50,25 +50,11 @@ contains
       if (system%rigid .and. state%instant%motion_state /= separation) then
         call follow(system, flow, state, segment)
       else
-        call move_on(system, flow, numerics, state, segment, work, status)
+        call move_on(system, flow, numerics, .not. clear, state, segment, work, status)
       end if
     end if
     if (status == status_ok) call check_bounds(system, numerics, state, segment%n_events, status)
   end subroutine advance
-
-  !> Whether nothing is to be decided at the beginning of an arc: no flank met, and no chatter so
-  !> short that it might be summed.
-  logical function begins_clear(system, instant) result(clear)
-    class(system_t), intent(in) :: system           !! what moves
-    type(instant_t), intent(in) :: instant          !! where the arc begins
-    clear = system%begins_clear(instant)
-    if (.not. clear .or. instant%motion_state /= separation) return
-    if (instant%touching == no_flank .or. system%compliant) return
-    if (.not. system%sums_chatter(instant%touching)) return
-    ! Half of this would do: 2 v/(a (1 - eps)) is what is compared.
-    clear = abs(system%approach(instant%touching, instant%y)) &
-        > listed_down_to*system%period*system%strongest*(1 - system%restitution)
-  end function begins_clear
 
   !> In separation at the beginning of an arc: strike a flank that is met already, sum a
   !> chatter that has become short, or know which flank is being left.
@@ -184,23 +170,25 @@ contains
   end subroutine follow
 
   !> Follow the flow, to the first event or the stop.
-  subroutine move_on(system, flow, numerics, state, segment, work, status)
+  subroutine move_on(system, flow, numerics, opened, state, segment, work, status)
     class(system_t), intent(in) :: system           !! what moves
     class(flow_t), intent(in) :: flow               !! how
     type(numerics_t), intent(in) :: numerics        !! tolerance
+    logical, intent(in) :: opened                   !! whether the arc's frame is
     type(hybrid_state_t), intent(inout) :: state    !! state
     type(segment_t), intent(inout) :: segment       !! what happened
     type(work_t), intent(inout) :: work             !! counts
     integer, intent(out) :: status                  !! status_*
     type(reached_t) :: reached
-    call flow%advance(system, numerics%tolerance, segment%arc_t, state%memory, reached, work, &
-        status)
+    reached%flank_velocity = 0
+    call flow%advance(system, numerics%tolerance, opened, segment%arc_t, state%memory, reached, &
+        work, status)
     if (status /= status_ok) return
     segment%moves = .true.
     segment%length = reached%s
     state%instant%chart = reached%chart
     state%instant%piece = reached%piece
-    state%instant%y = reached%y
+    state%instant%y(1:system%n_states) = reached%y(1:system%n_states)
     if (reached%flank == no_flank .and. reached%s >= segment%frame%stop) then
       call pass_stop(system, state, segment)
       return
@@ -211,7 +199,7 @@ contains
       call strike(system, state, segment, reached%flank, reached%flank_velocity)
     else
       call leave_or_stay(system, state, segment, reached%flank, &
-          system%approach(reached%flank, state%instant%y))
+          approach_velocity(reached%flank, state%instant%y))
     end if
   end subroutine move_on
 

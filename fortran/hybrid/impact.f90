@@ -8,7 +8,7 @@ module lapwing_hybrid_impact
   use lapwing_hybrid_state, only: hybrid_state_t, segment_t
   use lapwing_polynomial_evaluation, only: max_degree
   use lapwing_polynomial_roots, only: first_nonzero
-  use lapwing_system, only: system_t, frame_t, max_states
+  use lapwing_system, only: system_t, frame_t, approach_velocity, max_states
   implicit none
   private
   public :: strike, strike_resting, begin_contact, let_go, pressing_sign, log_event
@@ -29,7 +29,7 @@ contains
     real(wp) :: before, after
     state%instant%chart = flank
     state%instant%touching = flank
-    before = system%approach(flank, state%instant%y)
+    before = approach_velocity(flank, state%instant%y)
     if (before < 0) then
       ! Grazed to the last bits: it is leaving already.
       call system%launch(flank, before, state%instant%y)
@@ -82,7 +82,7 @@ contains
     flank = state%instant%motion_state
     state%instant%touching = flank
     call system%open_frame(state%instant, frame)
-    before = system%approach(flank, state%instant%y)
+    before = approach_velocity(flank, state%instant%y)
     if (before > 0) then
       after = system%rebound(flank, system%flank_velocity(frame, flank, 0.0_wp), before)
       call system%launch(flank, after, state%instant%y)

@@ -16,13 +16,12 @@ module lapwing_observers_recorder
 
 contains
 
-  !> Record one segment. `before` is where it began.
-  subroutine record_segment(self, system, flow, segment, before, work)
+  !> Record one segment.
+  subroutine record_segment(self, system, flow, segment, work)
     type(recorder_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
     class(flow_t), intent(in) :: flow            !! what followed it
     type(segment_t), intent(in) :: segment       !! what happened
-    type(instant_t), intent(in) :: before        !! where it began
     type(work_t), intent(inout) :: work          !! counts
     integer :: i
     if (associated(self%samples)) then
@@ -32,10 +31,10 @@ contains
       call find_grazes(self, system, flow, segment, huge(1.0_wp), work)
       self%sums%grazes_known_to = -1
     end if
-    if (self%want_strobe .or. self%want_cycles) call strobe(self, system, segment, before)
+    if (self%want_strobe .or. self%want_cycles) call strobe(self, system, segment)
     if (self%want_cycles) call measure(self, system, flow, segment, work)
     if (self%want_tangent) then
-      call carry_along(self%sums%tangent, system, self%contact, segment, before)
+      call carry_along(self%sums%tangent, system, self%contact, segment)
     end if
     if (segment%cycle_completed .and. (self%want_strobe .or. self%want_cycles)) then
       call close_cycle(self, segment)
@@ -66,15 +65,14 @@ contains
   end subroutine look_ahead
 
   !> The cycle's first state: where its first stretch of positive length begins.
-  subroutine strobe(self, system, segment, before)
+  subroutine strobe(self, system, segment)
     type(recorder_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
     type(segment_t), intent(in) :: segment       !! what happened
-    type(instant_t), intent(in) :: before        !! where it began
     if (.not. self%sums%strobe_due .or. segment%length <= 0) return
     self%sums%strobe_due = .false.
-    self%sums%strobe(1) = before%motion_state
-    call system%observe(before, self%sums%strobe(2), self%sums%strobe(3))
+    self%sums%strobe(1) = segment%begin%motion_state
+    call system%observe(segment%begin, self%sums%strobe(2), self%sums%strobe(3))
   end subroutine strobe
 
   !> States visited, and the deepest points of flights and of back contact.

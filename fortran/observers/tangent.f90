@@ -61,12 +61,11 @@ contains
   end function tangent_row
 
   !> Carry a deviation along the smooth stretch of a segment, or to the end of a summed chatter.
-  subroutine carry_along(self, system, contact, segment, before)
+  subroutine carry_along(self, system, contact, segment)
     type(tangent_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
     type(damped_t), intent(in) :: contact        !! free motion of a deviation in contact
     type(segment_t), intent(in) :: segment       !! what happened
-    type(instant_t), intent(in) :: before        !! where it began
     if (segment%begin%motion_state /= separation) then
       associate (time => self%contact_time(segment%begin%motion_state))
         time = time + segment%length
@@ -83,7 +82,7 @@ contains
         self%pending = 0
       end if
     else if (sums_chatter(segment)) then
-      call end_chatter_summed(self, system, segment, before)
+      call end_chatter_summed(self, system, segment)
     else
       self%m(1, :) = self%m(1, :) + segment%length*self%m(2, :)
     end if
@@ -98,18 +97,17 @@ contains
   end function sums_chatter
 
   !> A chatter summed from the beginning of the segment, just after an impact.
-  subroutine end_chatter_summed(self, system, segment, before)
+  subroutine end_chatter_summed(self, system, segment)
     type(tangent_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
     type(segment_t), intent(in) :: segment       !! what happened
-    type(instant_t), intent(in) :: before        !! where it began
     type(frame_t) :: frame
     real(wp) :: pressing(0:max_degree), distance, approach
     integer :: flank
     flank = flank_of(segment%events(1))
-    call system%open_frame(before, frame)
-    call system%contact(frame, flank, 0.0_wp, before%y, distance, approach)
-    call system%pressing(frame, flank, 0.0_wp, before%y, pressing)
+    call system%open_frame(segment%begin, frame)
+    call system%contact(frame, flank, 0.0_wp, segment%begin%y, distance, approach)
+    call system%pressing(frame, flank, 0.0_wp, segment%begin%y, pressing)
     call forget(self, merge(0, 1, system%rigid))
     call apply(self, chatter_matrix(pressing, -approach, system%restitution, segment%length))
   end subroutine end_chatter_summed

@@ -43,7 +43,7 @@ contains
       call build_exact_flow(system, exact)
       call move_alloc(exact, flow)
     else
-      allocate (rk4_flow_t :: flow)
+      allocate (flow, source=rk4_flow_t(takes_steps=.true.))
     end if
   end subroutine make_flow
 

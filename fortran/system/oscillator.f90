@@ -38,7 +38,7 @@ module lapwing_system_oscillator
   contains
     procedure :: flank_motion, change_force
     procedure :: open_frame, next_piece, derivatives, gap, contact, commit, pressing
-    procedure :: approach => approach_at, rebound, sums_chatter, launch, pass_knot, scales, observe
+    procedure :: rebound, sums_chatter, launch, pass_knot, scales, observe
     procedure :: begins_clear, limit_step, flank_velocity
     procedure :: stages, stay, leap
   end type oscillator_t
@@ -126,9 +126,10 @@ contains
   end subroutine limit_step
 
   !> Between flanks that move alike, off one with a speed, inside one or on the way into it.
-  pure logical function begins_clear(self, instant) result(clear)
+  pure logical function begins_clear(self, instant, shortest) result(clear)
     class(oscillator_t), intent(in) :: self
     type(instant_t), intent(in) :: instant       !! where an arc begins
+    real(wp), intent(in) :: shortest             !! duration of a chatter that is followed, tau
     real(wp) :: inward, highest
     clear = .false.
     if (.not. self%alike) return
@@ -138,6 +139,10 @@ contains
           .or. inward*instant%y(1) > 0)
     else if (instant%touching /= no_flank) then
       clear = instant%touching == instant%chart .and. inward*instant%y(2) < 0
+      if (.not. clear .or. self%compliant) return
+      ! Half of this would do.
+      if (sums_chatter(self, instant%touching)) clear = abs(instant%y(2)) &
+          > shortest*self%strongest*(1 - self%restitution)
     else
       highest = merge(0.0_wp, self%width, instant%chart == drive_flank)
       clear = instant%y(1) < highest .and. (instant%y(1) > highest - self%width &
@@ -324,13 +329,6 @@ contains
     if (flank == drive_flank .or. self%coast_moves) flank_velocity = frame%origin_rate &
         + horner_slope(frame%flank(:, flank), s - frame%piece_begin)
   end function flank_velocity
-
-  pure real(wp) function approach_at(self, flank, y)
-    class(oscillator_t), intent(in) :: self
-    integer, intent(in) :: flank                 !! flank, which y refers to
-    real(wp), intent(in) :: y(max_states)        !! state variables
-    approach_at = merge(y(2), -y(2), flank == drive_flank)
-  end function approach_at
 
   !> phi'+ = -eps phi'-; `absolute`: theta'+ = -eps theta'-.
   pure real(wp) function rebound(self, flank, flank_velocity, approach)

@@ -11,8 +11,8 @@ module lapwing_system
   implicit none
   private
   public :: max_states, dense_degree
-  public :: instant_t, frame_t, motion_t, step_t, system_t, richardson, sixth, change, &
-      stages_by_dispatch
+  public :: instant_t, frame_t, motion_t, step_t, system_t, approach_velocity, &
+      richardson, sixth, change, stages_by_dispatch
 
   integer, parameter :: max_states = 8            !! largest number of state variables
   integer, parameter :: dense_degree = 5          !! degree of the dense output
@@ -85,7 +85,6 @@ module lapwing_system
     procedure(contact_i), deferred :: contact
     procedure(commit_i), deferred :: commit
     procedure(pressing_i), deferred :: pressing
-    procedure(approach_i), deferred :: approach
     procedure(rebound_i), deferred :: rebound
     procedure(sums_chatter_i), deferred :: sums_chatter
     procedure(launch_i), deferred :: launch
@@ -180,15 +179,6 @@ module lapwing_system
       real(wp), intent(out) :: c(0:max_degree)     !! Taylor coefficients about s
     end subroutine pressing_i
 
-    !> Approach velocity of a state that is at a flank.
-    pure real(wp) function approach_i(self, flank, y)
-      import :: system_t, max_states, wp
-      implicit none
-      class(system_t), intent(in) :: self
-      integer, intent(in) :: flank                 !! flank, which y refers to
-      real(wp), intent(in) :: y(max_states)        !! state variables
-    end function approach_i
-
     !> Impact law: approach velocity after an impact (negative: the tooth rebounds).
     pure real(wp) function rebound_i(self, flank, flank_velocity, approach)
       import :: system_t, wp
@@ -248,6 +238,14 @@ module lapwing_system
   end interface
 
 contains
+
+  !> Approach velocity of a state that is at a flank, to which y(1) and y(2), a distance and its
+  !> rate, refer in every system.
+  pure real(wp) function approach_velocity(flank, y)
+    integer, intent(in) :: flank             !! flank
+    real(wp), intent(in) :: y(max_states)    !! state variables
+    approach_velocity = merge(y(2), -y(2), flank == 1)
+  end function approach_velocity
 
   !> Change over a step by the four classical rates, about the first: where the rate is constant it
   !> is exact, and no rounding of weights adds up over many steps. After the last rate least is left
@@ -324,10 +322,13 @@ contains
   end subroutine leap
 
   !> Whether an arc certainly begins off all flanks, or on its way from one or into one, so that
-  !> nothing is to be decided there. A system that does not say so is looked at.
-  pure logical function never_clear(self, instant)
+  !> nothing is to be decided there. A tooth that leaves with v might be at the end of a chatter if
+  !> 2 v/(a (1 - eps)) <= `shortest`, a the acceleration that presses it back. A system that does
+  !> not say so is looked at.
+  pure logical function never_clear(self, instant, shortest)
     class(system_t), intent(in) :: self
     type(instant_t), intent(in) :: instant       !! where it begins
+    real(wp), intent(in) :: shortest             !! duration of a chatter that is followed, tau
     never_clear = .false.
   end function never_clear
 

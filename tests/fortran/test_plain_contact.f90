@@ -130,7 +130,7 @@ contains
         begin = state%instant
         work = work_t()
         other_work = work_t()
-        if (system%begins_clear(begin)) plain = plain + 1
+        if (system%begins_clear(begin, 0.0_wp)) plain = plain + 1
         call advance(system, flow, numerics, state, segment, work, status)
         call advance(careful(system), flow, numerics, other, other_segment, other_work, &
             other_status)

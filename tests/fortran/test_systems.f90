@@ -17,7 +17,7 @@ module test_systems
     real(wp) :: wall(2) = [0.0_wp, -1.0e3_wp]   !! drive flank, coast flank
     real(wp) :: size(max_states) = 1            !! natural sizes
   contains
-    procedure :: open_frame, next_piece, gap, contact, commit, approach => approach_at
+    procedure :: open_frame, next_piece, gap, contact, commit
     procedure :: rebound, sums_chatter
     procedure :: launch, pass_knot, scales, observe
     procedure :: derivatives => still, pressing => no_pressing
@@ -94,9 +94,10 @@ contains
     self%strongest = huge(1.0_wp)
   end function careful
 
-  pure logical function never(self, instant) result(clear)
+  pure logical function never(self, instant, shortest) result(clear)
     class(careful_t), intent(in) :: self
     type(instant_t), intent(in) :: instant
+    real(wp), intent(in) :: shortest
     clear = .false.
   end function never
 
@@ -170,13 +171,6 @@ contains
     y = 0
     y(1:self%n_states) = z(1:self%n_states)
   end subroutine commit
-
-  pure real(wp) function approach_at(self, flank, y)
-    class(plain_system_t), intent(in) :: self
-    integer, intent(in) :: flank
-    real(wp), intent(in) :: y(max_states)
-    approach_at = merge(y(2), -y(2), flank == drive_flank)
-  end function approach_at
 
   pure real(wp) function rebound(self, flank, flank_velocity, approach)
     class(plain_system_t), intent(in) :: self

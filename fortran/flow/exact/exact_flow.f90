@@ -66,30 +66,40 @@ contains
     self%scene%force = force
   end subroutine change_force
 
-  !> The arc's stop; the system's frame where others look at it. In a graded scene a contact stops
-  !> at each knot of a table.
-  subroutine open(self, system, instant, fully, frame)
+  !> The system's frame.
+  subroutine open(self, system, instant, frame)
     class(exact_flow_t), intent(in) :: self
     class(system_t), intent(in) :: system        !! what moves
     type(instant_t), intent(in) :: instant       !! where the arc begins
-    logical, intent(in) :: fully                 !! whether others look at the flanks, too
+    type(frame_t), intent(inout) :: frame        !! its frame
+    call system%open_frame(instant, frame)
+    if (self%scene%form%graded) call stop_at_knot(self, instant, frame)
+  end subroutine open
+
+  !> What an arc needs of a frame where nobody looks at the flanks in it: its stop.
+  pure subroutine open_no_flanks(self, instant, frame)
+    class(exact_flow_t), intent(in) :: self
+    type(instant_t), intent(in) :: instant       !! where the arc begins
     type(frame_t), intent(inout) :: frame        !! its frame
     associate (table => self%scene%table)
-      if (fully) then
-        call system%open_frame(instant, frame)
-      else
-        frame%piece = piece_of(self, instant)
-        frame%chart = instant%chart
-        frame%t = instant%t
-        frame%stop_knot = table%next_kink(frame%piece)
-        frame%stop = table%knot(frame%stop_knot) - instant%t
-      end if
-      if (.not. self%scene%form%graded .or. self%scene%form%harmonic) return
-      if (instant%motion_state == separation) return
-      frame%stop_knot = frame%piece + 1
+      frame%piece = piece_of(self, instant)
+      frame%chart = instant%chart
+      frame%t = instant%t
+      frame%stop_knot = table%next_kink(frame%piece)
       frame%stop = table%knot(frame%stop_knot) - instant%t
     end associate
-  end subroutine open
+    if (self%scene%form%graded) call stop_at_knot(self, instant, frame)
+  end subroutine open_no_flanks
+
+  !> In a graded scene a contact stops at each knot of a table.
+  pure subroutine stop_at_knot(self, instant, frame)
+    class(exact_flow_t), intent(in) :: self
+    type(instant_t), intent(in) :: instant       !! where the arc begins
+    type(frame_t), intent(inout) :: frame        !! its frame
+    if (self%scene%form%harmonic .or. instant%motion_state == separation) return
+    frame%stop_knot = frame%piece + 1
+    frame%stop = self%scene%table%knot(frame%stop_knot) - instant%t
+  end subroutine stop_at_knot
 
   !> Table piece that holds an instant; of a series there is one.
   pure integer function piece_of(self, instant) result(piece)
@@ -101,11 +111,12 @@ contains
   end function piece_of
 
   !> Follow an arc to the first guard or its stop; in a graded scene it may end before, of nothing.
-  subroutine advance(self, system, tolerance, arc, memory, reached, work, status)
+  subroutine advance(self, system, tolerance, opened, arc, memory, reached, work, status)
     class(exact_flow_t), intent(in) :: self
     class(system_t), intent(in) :: system         !! what moves
     real(wp), intent(in) :: tolerance             !! without effect
-    type(arc_t), intent(inout) :: arc             !! the arc as opened
+    logical, intent(in) :: opened                 !! whether the arc's frame is
+    type(arc_t), intent(inout) :: arc             !! the arc
     type(step_memory_t), intent(inout) :: memory(0:)   !! without effect
     type(reached_t), intent(inout) :: reached     !! its end
     type(work_t), intent(inout) :: work           !! counts
@@ -114,6 +125,7 @@ contains
     type(end_t) :: at
     status = status_ok
     work%stretches = work%stretches + 1
+    if (.not. opened) call open_no_flanks(self, arc%begin, arc%frame)
     associate (begin => arc%begin)
       call begin_curve(self, begin, arc%frame%piece, curve)
       reached%chart = begin%chart

@@ -25,22 +25,22 @@ module lapwing_flow_rk4_rk4_flow
 contains
 
   !> The system's frame, as far as a step may go.
-  subroutine open(self, system, instant, fully, frame)
+  subroutine open(self, system, instant, frame)
     class(rk4_flow_t), intent(in) :: self
     class(system_t), intent(in) :: system         !! what moves
     type(instant_t), intent(in) :: instant        !! where the step begins
-    logical, intent(in) :: fully                  !! without effect: it always does
     type(frame_t), intent(inout) :: frame         !! its frame
     call system%open_frame(instant, frame)
     call system%limit_step(instant, frame)
   end subroutine open
 
   !> One accepted step, to its end or the first crossing in it.
-  subroutine advance(self, system, tolerance, arc, memory, reached, work, status)
+  subroutine advance(self, system, tolerance, opened, arc, memory, reached, work, status)
     class(rk4_flow_t), intent(in) :: self
     class(system_t), intent(in) :: system         !! what moves
     real(wp), intent(in) :: tolerance             !! relative, per step
-    type(arc_t), intent(inout) :: arc             !! the arc as opened; its motion is set
+    logical, intent(in) :: opened                 !! without effect: it is
+    type(arc_t), intent(inout) :: arc             !! the arc; its motion is set
     type(step_memory_t), intent(inout) :: memory(0:)   !! by motion state
     type(reached_t), intent(inout) :: reached     !! its end
     type(work_t), intent(inout) :: work           !! counts
