@@ -9,9 +9,9 @@ module lapwing_api_marshal
       status_too_many_events, status_too_many_steps, status_step_too_small, status_not_finite, &
       status_unfinished, status_out_of_memory
   use lapwing_flow_exact_oscillation, only: damped
-  use lapwing_flow_rk4_crossing, only: work_t
+  use lapwing_flow, only: flow_t, work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
-  use lapwing_run_method, only: moved_by, has_room
+  use lapwing_run_method, only: make_system, make_flow, has_room
   use lapwing_system_oscillator, only: oscillator_t
   use lapwing_system_parameters, only: parameters_t
   use lapwing_polynomial_evaluation, only: max_degree
@@ -132,7 +132,8 @@ contains
     real(c_double), intent(inout), target, contiguous :: cycles(:, :)       !! (17, room)
     real(c_double), intent(inout), target, contiguous :: tangent(:, :)      !! (13, room)
     real(c_double), intent(out) :: done(8)                          !! how far it came
-    class(oscillator_t), allocatable :: system
+    type(oscillator_t) :: system
+    class(flow_t), allocatable :: flow
     type(numerics_t) :: numerics
     type(hybrid_state_t) :: state
     type(recorder_t) :: recorder
@@ -145,8 +146,9 @@ contains
       done(1) = status_out_of_memory
       return
     end if
-    call moved_by(numerics%method, parameters_from(reals, choices), knots, coefficients, &
-        kinks == 1, series, system)
+    call make_system(parameters_from(reals, choices), knots, coefficients, kinks == 1, series, &
+        system)
+    call make_flow(numerics%method, system, flow)
     recorder = recorder_from(reals, choices)
     if (start(1) > -1.5_wp) then
       state%instant = start_as_told(system, start)
@@ -163,7 +165,7 @@ contains
       recorder%sample_time => sample_time
       recorder%samples => samples
     end if
-    call run_to(system, numerics, nint(target(1)), target(2), deadline_in(seconds), state, &
+    call run_to(system, flow, numerics, nint(target(1)), target(2), deadline_in(seconds), state, &
         recorder, work, status)
     call pack_blob(state, recorder%sums, work, blob)
     call system%observe(state%instant, phi, phi_dot)

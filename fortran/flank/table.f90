@@ -4,7 +4,8 @@ module lapwing_flank_table
   use lapwing_polynomial_evaluation, only: max_degree, taylor_shift, value_and_slope, bernstein_on
   implicit none
   private
-  public :: te_table_t, te_table, find_jumps, locate_piece, piece_at, expand_at, flank_motion_at
+  public :: te_table_t, te_table, find_jumps, locate_piece, piece_at, expand_at, flank_motion_at, &
+      lower_bound
 
   !> g(t) = sum_k coefficient(k,i) (t - knot(i))**k for knot(i) <= t < knot(i+1), t in [0, period).
   type :: te_table_t
@@ -163,4 +164,20 @@ contains
     x = t - table%knot(piece)
     call value_and_slope(table%coefficient(:, piece), x, g, slope)
   end subroutine flank_motion_at
+
+  !> Lower bound of g from the sizes of each piece's terms.
+  pure real(wp) function lower_bound(table)
+    type(te_table_t), intent(in) :: table  !! table
+    real(wp) :: width, spread
+    integer :: i, k
+    lower_bound = huge(lower_bound)
+    do i = 1, table%n
+      width = table%knot(i + 1) - table%knot(i)
+      spread = 0
+      do k = max_degree, 1, -1
+        spread = (spread + abs(table%coefficient(k, i)))*width
+      end do
+      lower_bound = min(lower_bound, table%coefficient(0, i) - spread)
+    end do
+  end function lower_bound
 end module lapwing_flank_table

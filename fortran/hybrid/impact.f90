@@ -8,62 +8,67 @@ module lapwing_hybrid_impact
   use lapwing_hybrid_state, only: hybrid_state_t, segment_t
   use lapwing_polynomial_evaluation, only: max_degree
   use lapwing_polynomial_roots, only: first_nonzero
-  use lapwing_system, only: system_t, frame_t, max_states
+  use lapwing_system, only: system_t, frame_t, approach_velocity, max_states
   implicit none
   private
   public :: strike, strike_resting, begin_contact, let_go, pressing_sign, log_event
 
+  !> A rebound slower than this part of a period times the strongest pressing acceleration might be
+  !> below the resolution of time; of those, twice as many as can be.
+  real(wp), parameter :: slow_part = 4*epsilon(1.0_wp)
+
 contains
 
-  !> A tooth in separation arrives at a flank at s, the state's time being there already.
-  subroutine strike(system, state, segment, frame, flank, s, z)
+  !> A tooth in separation has arrived at a flank: the state is there, its approach undecided.
+  subroutine strike(system, state, segment, flank, flank_velocity)
     class(system_t), intent(in) :: system           !! what moves
     type(hybrid_state_t), intent(inout) :: state    !! state
     type(segment_t), intent(inout) :: segment       !! what happened
-    type(frame_t), intent(in) :: frame              !! frame on the piece that holds s
     integer, intent(in) :: flank                    !! flank struck
-    real(wp), intent(in) :: s                       !! time since the frame was opened
-    real(wp), intent(in) :: z(max_states)           !! local coordinates
-    real(wp) :: distance, before, after
-    call system%contact(frame, flank, s, z, distance, before)
-    call system%commit(frame, s, z, flank, state%instant%y)
+    real(wp), intent(in) :: flank_velocity          !! its own, where the law asks for it
+    real(wp) :: before, after
     state%instant%chart = flank
     state%instant%touching = flank
+    before = approach_velocity(flank, state%instant%y)
     if (before < 0) then
       ! Grazed to the last bits: it is leaving already.
       call system%launch(flank, before, state%instant%y)
     else if (system%compliant) then
       call begin_contact(system, state, segment, event_engage, flank, before)
     else
-      after = system%rebound(frame, flank, s, before)
+      after = system%rebound(flank, flank_velocity, before)
       call system%launch(flank, after, state%instant%y)
       call log_event(system, state, segment, event_impact, flank, before, after)
-      call settle(system, state, segment, frame, flank, s, z, after)
+      if (abs(after) <= slow_part*system%period*system%strongest) then
+        call rest_or_leave(system, state, segment, flank, after)
+      else if (after > 0) then
+        call begin_contact(system, state, segment, event_engage, flank, after)
+      end if
     end if
   end subroutine strike
 
-  !> After an impact: the tooth rebounds, goes on into the flank, or rests on it if pressed.
-  subroutine settle(system, state, segment, frame, flank, s, z, after)
+  !> After an impact that leaves hardly any speed: the tooth goes on into the flank, or rests on it
+  !> if pressed, or leaves.
+  subroutine rest_or_leave(system, state, segment, flank, after)
     class(system_t), intent(in) :: system           !! what moves
     type(hybrid_state_t), intent(inout) :: state    !! state
     type(segment_t), intent(inout) :: segment       !! what happened
-    type(frame_t), intent(in) :: frame              !! frame on the piece that holds s
     integer, intent(in) :: flank                    !! flank struck
-    real(wp), intent(in) :: s                       !! time since the frame was opened
-    real(wp), intent(in) :: z(max_states)           !! local coordinates
     real(wp), intent(in) :: after                   !! approach velocity after the impact
+    type(frame_t) :: frame
     real(wp) :: pressing(0:max_degree)
+    call system%open_frame(state%instant, frame)
     if (after > 0) then
       call begin_contact(system, state, segment, event_engage, flank, after)
     else if (after < 0) then
-      call system%pressing(frame, flank, s, z, pressing)
+      call system%pressing(frame, flank, 0.0_wp, state%instant%y, pressing)
       if (below_resolution(pressing(0), -after, system%period)) then
         call begin_contact(system, state, segment, event_chatter_end, flank, 0.0_wp)
       end if
-    else if (pressing_sign(system, frame, flank, s, z) > 0) then
+    else if (pressing_sign(system, frame, flank, 0.0_wp, state%instant%y) > 0) then
       call begin_contact(system, state, segment, event_engage, flank, 0.0_wp)
     end if
-  end subroutine settle
+  end subroutine rest_or_leave
 
   !> A kink under a tooth in rigid contact: a flank that turns towards it strikes it, one that
   !> turns away lets it go. The state is just past the kink.
@@ -72,17 +77,17 @@ contains
     type(hybrid_state_t), intent(inout) :: state    !! state
     type(segment_t), intent(inout) :: segment       !! what happened
     type(frame_t) :: frame
-    real(wp) :: z(max_states), distance, before, after
+    real(wp) :: before, after
     integer :: flank
     flank = state%instant%motion_state
     state%instant%touching = flank
-    call system%open_frame(state%instant, frame, z)
-    call system%contact(frame, flank, 0.0_wp, z, distance, before)
+    call system%open_frame(state%instant, frame)
+    before = approach_velocity(flank, state%instant%y)
     if (before > 0) then
-      after = system%rebound(frame, flank, 0.0_wp, before)
+      after = system%rebound(flank, system%flank_velocity(frame, flank, 0.0_wp), before)
       call system%launch(flank, after, state%instant%y)
       call log_event(system, state, segment, event_impact, flank, before, after)
-      if (after < 0 .or. pressing_sign(system, frame, flank, 0.0_wp, z) < 0) then
+      if (after < 0 .or. pressing_sign(system, frame, flank, 0.0_wp, state%instant%y) < 0) then
         call let_go(system, state, segment, flank, after)
       end if
     else if (before < 0) then

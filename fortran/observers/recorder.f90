@@ -3,11 +3,9 @@ module lapwing_observers_recorder
   use lapwing_kinds, only: wp
   use lapwing_codes, only: separation, engagement, drive_flank, coast_flank, event_impact, &
       event_kind
-  use lapwing_flow_rk4_crossing, only: work_t
-  use lapwing_hybrid_state, only: segment_t, event_t, instant_in_segment
+  use lapwing_flow, only: flow_t, work_t, instant_on
+  use lapwing_hybrid_state, only: segment_t, event_t
   use lapwing_observers_grazes, only: find_grazes
-  use lapwing_polynomial_evaluation, only: max_degree, horner, upper_bound
-  use lapwing_polynomial_roots, only: critical_points
   use lapwing_observers_records, only: recorder_t, sums_t, log_line, n_counters, max_flights
   use lapwing_observers_speeds, only: count_speed
   use lapwing_system, only: system_t, instant_t, frame_t
@@ -18,25 +16,25 @@ module lapwing_observers_recorder
 
 contains
 
-  !> Record one segment. `before` is where it began.
-  subroutine record_segment(self, system, segment, before, work)
+  !> Record one segment.
+  subroutine record_segment(self, system, flow, segment, work)
     type(recorder_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
+    class(flow_t), intent(in) :: flow            !! what followed it
     type(segment_t), intent(in) :: segment       !! what happened
-    type(instant_t), intent(in) :: before        !! where it began
     type(work_t), intent(inout) :: work          !! counts
     integer :: i
     if (associated(self%samples)) then
-      if (sample_is_near(self, segment)) call take_samples(self, system, segment, work)
+      if (sample_is_near(self, segment)) call take_samples(self, system, flow, segment, work)
     end if
-    if (self%want_grazes .and. (segment%stepped .or. segment%closed)) then
-      call find_grazes(self, system, segment, huge(1.0_wp), work)
+    if (self%want_grazes .and. segment%moves) then
+      call find_grazes(self, system, flow, segment, huge(1.0_wp), work)
       self%sums%grazes_known_to = -1
     end if
-    if (self%want_strobe .or. self%want_cycles) call strobe(self, system, segment, before)
-    if (self%want_cycles) call measure(self, system, segment, work)
+    if (self%want_strobe .or. self%want_cycles) call strobe(self, system, segment)
+    if (self%want_cycles) call measure(self, system, flow, segment, work)
     if (self%want_tangent) then
-      call carry_along(self%sums%tangent, system, self%contact, segment, before)
+      call carry_along(self%sums%tangent, system, self%contact, segment)
     end if
     if (segment%cycle_completed .and. (self%want_strobe .or. self%want_cycles)) then
       call close_cycle(self, segment)
@@ -50,103 +48,55 @@ contains
   end subroutine record_segment
 
   !> Record what lies before `until` in a segment that is about to be taken back.
-  subroutine look_ahead(self, system, segment, until, work)
+  subroutine look_ahead(self, system, flow, segment, until, work)
     type(recorder_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
+    class(flow_t), intent(in) :: flow            !! what followed it
     type(segment_t), intent(in) :: segment       !! what happened
     real(wp), intent(in) :: until                !! time in the segment's cycle
     type(work_t), intent(inout) :: work          !! counts
     if (associated(self%samples)) then
-      if (sample_is_near(self, segment)) call take_samples(self, system, segment, work)
+      if (sample_is_near(self, segment)) call take_samples(self, system, flow, segment, work)
     end if
-    if (self%want_grazes .and. (segment%stepped .or. segment%closed) .and. until > segment%t) then
-      call find_grazes(self, system, segment, until, work)
+    if (self%want_grazes .and. segment%moves .and. until > segment%begin%t) then
+      call find_grazes(self, system, flow, segment, until, work)
       self%sums%grazes_known_to = until
     end if
   end subroutine look_ahead
 
   !> The cycle's first state: where its first stretch of positive length begins.
-  subroutine strobe(self, system, segment, before)
+  subroutine strobe(self, system, segment)
     type(recorder_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
     type(segment_t), intent(in) :: segment       !! what happened
-    type(instant_t), intent(in) :: before        !! where it began
     if (.not. self%sums%strobe_due .or. segment%length <= 0) return
     self%sums%strobe_due = .false.
-    self%sums%strobe(1) = before%motion_state
-    call system%observe(before, self%sums%strobe(2), self%sums%strobe(3))
+    self%sums%strobe(1) = segment%begin%motion_state
+    call system%observe(segment%begin, self%sums%strobe(2), self%sums%strobe(3))
   end subroutine strobe
 
   !> States visited, and the deepest points of flights and of back contact.
-  subroutine measure(self, system, segment, work)
+  subroutine measure(self, system, flow, segment, work)
     type(recorder_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
+    class(flow_t), intent(in) :: flow            !! what followed it
     type(segment_t), intent(in) :: segment       !! what happened
     type(work_t), intent(inout) :: work          !! counts
+    real(wp) :: deepest
     associate (sums => self%sums)
-      if (segment%length > 0) sums%states_visited = ibset(sums%states_visited, segment%motion_state)
-      if (segment%closed) then
-        call deepen_in_closed_form(system, segment, sums, work)
-        return
-      end if
-      if (.not. segment%stepped) return
-      if (segment%motion_state == separation) then
-        call deepen(system, segment, drive_flank, 1.0_wp, sums%flight_depth, work)
-        sums%cycle_depth = max(sums%cycle_depth, sums%flight_depth)
-      else if (segment%motion_state /= engagement) then
-        call deepen(system, segment, coast_flank, -1.0_wp, sums%back_penetration, work)
+      if (segment%length > 0) sums%states_visited = &
+          ibset(sums%states_visited, segment%begin%motion_state)
+      if (.not. segment%moves .or. segment%begin%motion_state == engagement) return
+      if (segment%begin%motion_state == separation) then
+        call flow%farthest(system, segment%arc_t, drive_flank, sums%flight_depth, deepest, work)
+        sums%flight_depth = deepest
+        sums%cycle_depth = max(sums%cycle_depth, deepest)
+      else
+        call flow%farthest(system, segment%arc_t, coast_flank, sums%back_penetration, deepest, work)
+        sums%back_penetration = deepest
       end if
     end associate
   end subroutine measure
-
-  !> The same for a stretch in closed form.
-  subroutine deepen_in_closed_form(system, segment, sums, work)
-    class(system_t), intent(in) :: system        !! what moves
-    type(segment_t), intent(in) :: segment       !! what happened
-    type(sums_t), intent(inout) :: sums          !! deepest points so far
-    type(work_t), intent(inout) :: work          !! counts
-    if (segment%motion_state == engagement) return
-    work%depth_searches = work%depth_searches + 1
-    if (segment%motion_state == separation) then
-      sums%flight_depth = system%deepest(segment%begin, drive_flank, segment%length, &
-          sums%flight_depth)
-      sums%cycle_depth = max(sums%cycle_depth, sums%flight_depth)
-    else
-      sums%back_penetration = system%deepest(segment%begin, coast_flank, segment%length, &
-          sums%back_penetration)
-    end if
-  end subroutine deepen_in_closed_form
-
-  !> Raise `deepest` to the largest sign*distance from a flank in a segment.
-  !>
-  !> Bernstein coefficients bound a piece from above, so that most pieces cost no root search.
-  subroutine deepen(system, segment, flank, sign, deepest, work)
-    class(system_t), intent(in) :: system        !! what moves
-    type(segment_t), intent(in) :: segment       !! what happened
-    integer, intent(in) :: flank                 !! flank
-    real(wp), intent(in) :: sign                 !! +1: distance, -1: penetration
-    real(wp), intent(inout) :: deepest           !! largest so far, rad
-    type(work_t), intent(inout) :: work          !! counts
-    type(frame_t) :: frame
-    real(wp) :: c(0:max_degree), length, at(max_degree)
-    integer :: i, n
-    frame = segment%frame
-    do
-      length = min(frame%piece_end, segment%length) - frame%piece_begin
-      call system%gap(frame, flank, segment%motion, c)
-      c = sign*c
-      if (upper_bound(c, length) > deepest) then
-        work%depth_searches = work%depth_searches + 1
-        call critical_points(c, length, n, at)
-        deepest = max(deepest, c(0), horner(c, length))
-        do i = 1, n
-          deepest = max(deepest, horner(c, at(i)))
-        end do
-      end if
-      if (frame%piece_end >= segment%length) return
-      call system%next_piece(frame)
-    end do
-  end subroutine deepen
 
   !> Count an event in the cycle it falls in; an impact ends a flight.
   subroutine count_event(self, event)
@@ -201,7 +151,7 @@ contains
       counted_back = sums%n_flights - counted
       sums%n_cycles = sums%n_cycles + 1
       if (sums%n_cycles <= size(self%cycles, 2)) then
-        self%cycles(:, sums%n_cycles) = [real(segment%cycle, wp), sums%strobe, &
+        self%cycles(:, sums%n_cycles) = [real(segment%begin%cycle, wp), sums%strobe, &
             sums%counter(1:2), real([counted, counted_back], wp), sums%counter(3:8), &
             sums%cycle_depth, sums%back_penetration, real(sums%states_visited, wp)]
       end if
@@ -228,13 +178,14 @@ contains
     type(segment_t), intent(in) :: segment       !! what happened
     sample_is_near = self%sums%next_sample <= size(self%samples, 2)
     if (.not. sample_is_near) return
-    sample_is_near = self%sample_time(1, self%sums%next_sample) < segment%cycle + 0.5_wp
+    sample_is_near = self%sample_time(1, self%sums%next_sample) < segment%begin%cycle + 0.5_wp
   end function sample_is_near
 
   !> Samples of the history that fall in a segment.
-  subroutine take_samples(self, system, segment, work)
+  subroutine take_samples(self, system, flow, segment, work)
     type(recorder_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
+    class(flow_t), intent(in) :: flow            !! what followed it
     type(segment_t), intent(in) :: segment       !! what happened
     type(work_t), intent(inout) :: work          !! counts
     type(frame_t) :: frame
@@ -243,15 +194,11 @@ contains
     frame = segment%frame
     do while (self%sums%next_sample <= size(self%samples, 2))
       associate (time => self%sample_time(:, self%sums%next_sample))
-        if (time(1) > segment%cycle + 0.5_wp) return
-        s = time(2) - segment%t
+        if (time(1) > segment%begin%cycle + 0.5_wp) return
+        s = time(2) - segment%begin%t
         if (s >= segment%length .and. .not. segment%cycle_completed) return
       end associate
-      do while (.not. segment%closed)
-        if (s <= frame%piece_end .or. frame%piece_end >= segment%length) exit
-        call system%next_piece(frame)
-      end do
-      call instant_in_segment(system, segment, frame, s, instant)
+      call instant_on(flow, system, segment%arc_t, s, frame, instant)
       call sample_at(self, system, instant, work)
     end do
   end subroutine take_samples

@@ -61,15 +61,15 @@ contains
   end function tangent_row
 
   !> Carry a deviation along the smooth stretch of a segment, or to the end of a summed chatter.
-  subroutine carry_along(self, system, contact, segment, before)
+  subroutine carry_along(self, system, contact, segment)
     type(tangent_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
     type(damped_t), intent(in) :: contact        !! free motion of a deviation in contact
     type(segment_t), intent(in) :: segment       !! what happened
-    type(instant_t), intent(in) :: before        !! where it began
-    if (segment%motion_state /= separation) then
-      self%contact_time(segment%motion_state) = self%contact_time(segment%motion_state) &
-          + segment%length
+    if (segment%begin%motion_state /= separation) then
+      associate (time => self%contact_time(segment%begin%motion_state))
+        time = time + segment%length
+      end associate
       if (system%rigid) then
         call forget(self, 0)
       else
@@ -82,7 +82,7 @@ contains
         self%pending = 0
       end if
     else if (sums_chatter(segment)) then
-      call end_chatter_summed(self, system, segment, before)
+      call end_chatter_summed(self, system, segment)
     else
       self%m(1, :) = self%m(1, :) + segment%length*self%m(2, :)
     end if
@@ -97,18 +97,17 @@ contains
   end function sums_chatter
 
   !> A chatter summed from the beginning of the segment, just after an impact.
-  subroutine end_chatter_summed(self, system, segment, before)
+  subroutine end_chatter_summed(self, system, segment)
     type(tangent_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
     type(segment_t), intent(in) :: segment       !! what happened
-    type(instant_t), intent(in) :: before        !! where it began
     type(frame_t) :: frame
-    real(wp) :: z(max_states), pressing(0:max_degree), distance, approach
+    real(wp) :: pressing(0:max_degree), distance, approach
     integer :: flank
     flank = flank_of(segment%events(1))
-    call system%open_frame(before, frame, z)
-    call system%contact(frame, flank, 0.0_wp, z, distance, approach)
-    call system%pressing(frame, flank, 0.0_wp, z, pressing)
+    call system%open_frame(segment%begin, frame)
+    call system%contact(frame, flank, 0.0_wp, segment%begin%y, distance, approach)
+    call system%pressing(frame, flank, 0.0_wp, segment%begin%y, pressing)
     call forget(self, merge(0, 1, system%rigid))
     call apply(self, chatter_matrix(pressing, -approach, system%restitution, segment%length))
   end subroutine end_chatter_summed
@@ -225,15 +224,15 @@ contains
     real(wp), intent(out) :: push                     !! acceleration in flight
     type(instant_t) :: instant
     type(frame_t) :: frame
-    real(wp) :: z(max_states), rate(max_states)
+    real(wp) :: rate(max_states)
     instant%motion_state = separation
     instant%chart = flank_of(event)
     instant%cycle = event%cycle
     instant%t = event%t
-    call system%open_frame(instant, frame, z)
-    call system%pressing(frame, instant%chart, 0.0_wp, z, pressing)
+    call system%open_frame(instant, frame)
+    call system%pressing(frame, instant%chart, 0.0_wp, instant%y, pressing)
     rate = 0
-    call system%derivatives(frame, separation, 0.0_wp, z(:system%n_states), &
+    call system%derivatives(frame, separation, 0.0_wp, instant%y(:system%n_states), &
         rate(:system%n_states))
     push = merge(rate(2), -rate(2), instant%chart == drive_flank)
   end subroutine accelerations

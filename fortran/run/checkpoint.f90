@@ -1,7 +1,7 @@
 !> A run between two calls as one array of reals: everything that decides how it goes on.
 module lapwing_run_checkpoint
   use lapwing_kinds, only: wp, int64
-  use lapwing_flow_rk4_crossing, only: work_t
+  use lapwing_flow, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t
   use lapwing_observers_records, only: sums_t, max_flights
   use lapwing_system, only: max_states

@@ -7,7 +7,7 @@
 !> run goes on, its records are those of all rounds that follow, with other numbers of cycles.
 module lapwing_run_cycle_detection
   use lapwing_kinds, only: wp
-  use lapwing_flow_rk4_crossing, only: work_t
+  use lapwing_flow, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t
   use lapwing_observers_records, only: recorder_t, log_reserve, waits_for_room
   use lapwing_run_checkpoint, only: blob_size, pack_blob, pack_work, unpack_work, go_on_alike

@@ -1,9 +1,9 @@
 !> One trajectory from where it is to a target, recorded.
 module lapwing_run
   use lapwing_kinds, only: wp, int64
-  use lapwing_hybrid_advance, only: advance_any
+  use lapwing_hybrid_automaton, only: advance
   use lapwing_codes, only: status_ok, status_unfinished, status_step_too_small, status_not_finite
-  use lapwing_flow_rk4_crossing, only: work_t
+  use lapwing_flow, only: flow_t, work_t, step_memory_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_observers_recorder, only: record_segment, sample_at, look_ahead
   use lapwing_observers_records, only: recorder_t, log_has_room
@@ -16,6 +16,14 @@ module lapwing_run
   !> Segments between two looks at the clock: some 30 microseconds.
   integer, parameter :: segments_per_look = 128
 
+  !> What an arc changes of a state and does not keep in the segment.
+  type :: before_t
+    integer :: touching = 0
+    integer :: events_in_cycle = 0
+    integer :: steps_in_cycle = 0
+    type(step_memory_t) :: memory(0:2)
+  end type before_t
+
 contains
 
   !> Advance until the target, the deadline has come, the log is full, or something has gone wrong.
@@ -24,9 +32,10 @@ contains
   !> A stretch that would pass the target is looked at (a sample there sees it) and taken back: the
   !> state stays where it began and nothing else of it is recorded. Going on repeats it bit for
   !> bit, so that where a run is cut changes nothing.
-  subroutine run_to(system, numerics, target_cycle, target_t, deadline, state, recorder, work, &
-      status)
+  subroutine run_to(system, flow, numerics, target_cycle, target_t, deadline, state, recorder, &
+      work, status)
     class(system_t), intent(in) :: system            !! what moves
+    class(flow_t), intent(in) :: flow                !! how
     type(numerics_t), intent(in) :: numerics         !! tolerances and bounds
     integer, intent(in) :: target_cycle              !! cycle of the target
     real(wp), intent(in) :: target_t                 !! time in it
@@ -36,7 +45,7 @@ contains
     type(work_t), intent(inout) :: work              !! counts
     integer, intent(out) :: status                   !! status_*
     type(segment_t) :: segment
-    type(hybrid_state_t) :: before
+    type(before_t) :: before
     type(work_t) :: work_before
     type(repetition_t) :: repetition
     integer :: looks
@@ -50,21 +59,21 @@ contains
         looks = 0
       end if
       if (status /= status_ok) return
-      before = state
-      work_before = work
-      call advance_any(system, numerics, state, segment, work, status)
+      call remember(state, before)
+      if (state%instant%cycle >= target_cycle) work_before = work
+      call advance(system, flow, numerics, state, segment, work, status)
       if (status == status_step_too_small .or. status == status_not_finite) then
-        state = before
+        call take_back(before, segment, state)
         return
       end if
       if (passed(state%instant, target_cycle, target_t)) then
-        state = before
+        call take_back(before, segment, state)
         work = work_before
         status = status_ok
-        call look_ahead(recorder, system, segment, target_t, work)
+        call look_ahead(recorder, system, flow, segment, target_t, work)
         exit
       end if
-      call record_segment(recorder, system, segment, before%instant, work)
+      call record_segment(recorder, system, flow, segment, work)
       if (status /= status_ok) return
       if (segment%cycle_completed .and. numerics%copy_repeats) then
         call end_of_cycle(repetition, target_cycle, state, recorder, work)
@@ -74,6 +83,27 @@ contains
       call sample_end(recorder, system, state%instant, work)
     end if
   end subroutine run_to
+
+  pure subroutine remember(state, before)
+    type(hybrid_state_t), intent(in) :: state        !! state
+    type(before_t), intent(out) :: before            !! what of it is not kept elsewhere
+    before%touching = state%instant%touching
+    before%events_in_cycle = state%events_in_cycle
+    before%steps_in_cycle = state%steps_in_cycle
+    before%memory = state%memory
+  end subroutine remember
+
+  !> The state where an arc began.
+  pure subroutine take_back(before, segment, state)
+    type(before_t), intent(in) :: before             !! what was remembered
+    type(segment_t), intent(in) :: segment           !! the arc
+    type(hybrid_state_t), intent(out) :: state       !! state
+    state%instant = segment%begin
+    state%instant%touching = before%touching
+    state%events_in_cycle = before%events_in_cycle
+    state%steps_in_cycle = before%steps_in_cycle
+    state%memory = before%memory
+  end subroutine take_back
 
   !> A last sample exactly where the run ends belongs to no stretch.
   subroutine sample_end(recorder, system, instant, work)

@@ -7,9 +7,9 @@ module lapwing_run_sweep
   use lapwing_kinds, only: wp, int64
   use lapwing_codes, only: status_ok, status_unfinished
   use lapwing_flow_exact_oscillation, only: damped
-  use lapwing_flow_rk4_crossing, only: work_t
+  use lapwing_flow, only: flow_t, work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
-  use lapwing_run_method, only: moved_by
+  use lapwing_run_method, only: make_system, make_flow
   use lapwing_system_oscillator, only: oscillator_t
   use lapwing_system_parameters, only: parameters_t
   use lapwing_observers_records, only: recorder_t, start_recording
@@ -27,8 +27,8 @@ module lapwing_run_sweep
   !> What every point of a sweep has in common, and where results go.
   type :: sweep_t
     type(parameters_t), allocatable :: point(:)                    !! (n_points)
-    class(oscillator_t), allocatable :: first                      !! of the first point, where
-                                                                   !! the others differ in force
+    type(oscillator_t), allocatable :: first                       !! of the first point, where
+    class(flow_t), allocatable :: first_flow                       !! the others differ in force
     real(wp), allocatable :: knots(:)                              !! table, see `oscillator`
     real(wp), allocatable :: coefficients(:, :)                    !! table
     logical, allocatable :: kinks(:)                               !! table
@@ -65,8 +65,10 @@ contains
     do i = 2, size(sweep%point)
       if (.not. differ_in_force_only(sweep%point(1), sweep%point(i))) return
     end do
-    call moved_by(sweep%numerics%method, sweep%point(1), sweep%knots, sweep%coefficients, &
-        sweep%kinks, sweep%series, sweep%first)
+    allocate (sweep%first)
+    call make_system(sweep%point(1), sweep%knots, sweep%coefficients, sweep%kinks, sweep%series, &
+        sweep%first)
+    call make_flow(sweep%numerics%method, sweep%first, sweep%first_flow)
   end subroutine prepare_sweep
 
   !> Go on with every line until it is done or the deadline has come.
@@ -87,29 +89,32 @@ contains
     type(line_t), intent(inout) :: lines(:)          !! its lines
     real(wp), intent(inout) :: blobs(:, :)           !! (blob_size, n_lines) runs under way
     integer(int64), intent(in) :: deadline           !! clock count at which to stop
-    class(oscillator_t), allocatable :: system
+    type(oscillator_t), allocatable :: system
+    class(flow_t), allocatable :: flow
     integer :: i
     !$omp do schedule(dynamic, 1)
     do i = 1, size(lines)
-      if (lines(i)%stage < stage_done) call go_on(sweep, lines(i), blobs(:, i), deadline, system)
+      if (lines(i)%stage < stage_done) call go_on(sweep, lines(i), blobs(:, i), deadline, &
+          system, flow)
     end do
     !$omp end do
   end subroutine share_lines
 
   !> Go on with one line.
-  subroutine go_on(sweep, line, blob, deadline, system)
+  subroutine go_on(sweep, line, blob, deadline, system, flow)
     type(sweep_t), intent(in) :: sweep               !! the sweep
     type(line_t), intent(inout) :: line              !! the line
     real(wp), intent(inout) :: blob(:)               !! run under way
     integer(int64), intent(in) :: deadline           !! clock count at which to stop
-    class(oscillator_t), allocatable, intent(inout) :: system   !! made, or made new, for each point
+    type(oscillator_t), allocatable, intent(inout) :: system   !! made, or made new, for each point
+    class(flow_t), allocatable, intent(inout) :: flow          !! and its way to move
     type(hybrid_state_t) :: state
     type(recorder_t) :: recorder
     type(work_t) :: work
     real(wp) :: final(3, 1)
     integer :: status
     do while (line%stage < stage_done)
-      call make_system(sweep, sweep%point(line%point), system)
+      call make_point(sweep, sweep%point(line%point), system, flow)
       recorder = sweep%recorder
       if (line%stage == stage_start) then
         call start_point(system, line, blob, state)
@@ -118,7 +123,7 @@ contains
       else
         call unpack_blob(blob, state, recorder%sums, work)
       end if
-      call run_point(sweep, system, line, deadline, state, recorder, work, status, final)
+      call run_point(sweep, system, flow, line, deadline, state, recorder, work, status, final)
       if (status == status_unfinished) then
         call pack_blob(state, recorder%sums, work, blob)
         return
@@ -127,19 +132,25 @@ contains
     end do
   end subroutine go_on
 
-  !> The oscillator of a point: its own, or the first one under another force.
-  subroutine make_system(sweep, point, system)
+  !> The oscillator of a point and its way to move: its own, or the first one under another force.
+  subroutine make_point(sweep, point, system, flow)
     type(sweep_t), intent(in) :: sweep                         !! the sweep
     type(parameters_t), intent(in) :: point                    !! the point's parameters
-    class(oscillator_t), allocatable, intent(inout) :: system  !! another point's; then this one's
+    type(oscillator_t), allocatable, intent(inout) :: system   !! another point's; then this one's
+    class(flow_t), allocatable, intent(inout) :: flow          !! the same
     if (allocated(sweep%first)) then
-      if (.not. allocated(system)) allocate (system, source=sweep%first)
+      if (.not. allocated(system)) then
+        allocate (system, source=sweep%first)
+        allocate (flow, source=sweep%first_flow)
+      end if
       call system%change_force(point)
+      call flow%change_force(point%force)
     else
-      call moved_by(sweep%numerics%method, point, sweep%knots, sweep%coefficients, &
-          sweep%kinks, sweep%series, system)
+      if (.not. allocated(system)) allocate (system)
+      call make_system(point, sweep%knots, sweep%coefficients, sweep%kinks, sweep%series, system)
+      call make_flow(sweep%numerics%method, system, flow)
     end if
-  end subroutine make_system
+  end subroutine make_point
 
   !> Whether two points differ in nothing but their force.
   pure logical function differ_in_force_only(one, other) result(same)
@@ -154,7 +165,7 @@ contains
 
   !> Where a point begins: the state the line carries, or rest.
   subroutine start_point(system, line, blob, state)
-    class(oscillator_t), intent(in) :: system        !! the point's oscillator
+    type(oscillator_t), intent(in) :: system         !! the point's oscillator
     type(line_t), intent(in) :: line                 !! the line
     real(wp), intent(in) :: blob(:)                  !! carried: -1 or motion state, phi, phi'
     type(hybrid_state_t), intent(out) :: state       !! state to begin with
@@ -166,9 +177,10 @@ contains
 
   !> Settle, then record. A flight under way when recording begins counts whole: the statistics
   !> run through the last settling cycle too, and its line is dropped.
-  subroutine run_point(sweep, system, line, deadline, state, recorder, work, status, final)
+  subroutine run_point(sweep, system, flow, line, deadline, state, recorder, work, status, final)
     type(sweep_t), intent(in) :: sweep               !! the sweep
-    class(oscillator_t), intent(in) :: system        !! the point's oscillator
+    type(oscillator_t), intent(in) :: system         !! the point's oscillator
+    class(flow_t), intent(in) :: flow                !! how it moves
     type(line_t), intent(inout) :: line              !! the line
     integer(int64), intent(in) :: deadline           !! clock count at which to stop
     type(hybrid_state_t), intent(inout) :: state     !! state
@@ -183,15 +195,15 @@ contains
     final = 0
     target_t = line%start(4)*system%period
     if (line%stage == stage_settle) then
-      call run_to(system, sweep%numerics, max(sweep%settle - 1, 0), target_t, deadline, state, &
-          silent, work, status)
+      call run_to(system, flow, sweep%numerics, max(sweep%settle - 1, 0), target_t, deadline, &
+          state, silent, work, status)
       if (status /= status_ok) return
       line%stage = stage_prepare
     end if
     call point_at_output(sweep, system, line, recorder)
     if (line%stage == stage_prepare) then
       recorder%want_impacts = .false.
-      call run_to(system, sweep%numerics, sweep%settle, target_t, deadline, state, recorder, &
+      call run_to(system, flow, sweep%numerics, sweep%settle, target_t, deadline, state, recorder, &
           work, status)
       if (status /= status_ok) return
       if (sweep%settle > 0) call start_recording(recorder)
@@ -203,15 +215,15 @@ contains
     recorder%sample_time => final_time
     recorder%samples => final
     recorder%sums%next_sample = 1
-    call run_to(system, sweep%numerics, sweep%settle + sweep%record, target_t, deadline, state, &
-        recorder, work, status)
+    call run_to(system, flow, sweep%numerics, sweep%settle + sweep%record, target_t, deadline, &
+        state, recorder, work, status)
     nullify (recorder%sample_time, recorder%samples)
   end subroutine run_point
 
   !> Let a recorder write where the point's results go.
   subroutine point_at_output(sweep, system, line, recorder)
     type(sweep_t), intent(in) :: sweep               !! the sweep
-    class(oscillator_t), intent(in) :: system        !! the point's oscillator
+    type(oscillator_t), intent(in) :: system         !! the point's oscillator
     type(line_t), intent(in) :: line                 !! the line
     type(recorder_t), intent(inout) :: recorder      !! recorder
     recorder%cycles => sweep%cycles(:, :, line%point)

@@ -8,13 +8,28 @@ module lapwing_system_frames
   use lapwing_flank_table, only: te_table_t, piece_at, expand_at
   implicit none
   private
-  public :: open_in_contact, frame_about, move_to, flank_in_frame, flank_over_step
+  public :: open_on_piece, open_in_contact, frame_about, move_to, flank_in_frame, flank_over_step
 
   !> Over so many pieces a frame is moved one by one, which keeps the relative precision of a small
   !> bounce across a knot. One that takes longer is larger than the rounding of the table.
   integer, parameter :: few_pieces = 4
 
 contains
+
+  !> Where a frame lies: a piece of the table, up to the next kink or the end of the cycle.
+  pure subroutine open_on_piece(table, piece, instant, frame)
+    type(te_table_t), intent(in) :: table        !! motion of the flanks
+    integer, intent(in) :: piece                 !! piece that holds the instant
+    type(instant_t), intent(in) :: instant       !! where it opens
+    type(frame_t), intent(inout) :: frame        !! its frame
+    frame%chart = instant%chart
+    frame%t = instant%t
+    frame%piece = piece
+    frame%piece_begin = 0
+    frame%piece_end = table%knot(piece + 1) - instant%t
+    frame%stop_knot = table%next_kink(piece)
+    frame%stop = table%knot(frame%stop_knot) - instant%t
+  end subroutine open_on_piece
 
   !> The frame of a step in contact: what `frame_about` makes of it, with nothing left to decide.
   pure subroutine open_in_contact(table, width, instant, frame)
@@ -23,13 +38,7 @@ contains
     type(instant_t), intent(in) :: instant       !! where the step begins
     type(frame_t), intent(inout) :: frame        !! its frame
     real(wp) :: g(0:max_degree)
-    frame%chart = instant%chart
-    frame%t = instant%t
-    frame%piece = piece_at(table, instant%t)
-    frame%piece_begin = 0
-    frame%piece_end = table%knot(frame%piece + 1) - instant%t
-    frame%stop_knot = table%next_felt(frame%piece)
-    frame%stop = table%knot(frame%stop_knot) - instant%t
+    call open_on_piece(table, piece_at(table, instant%t), instant, frame)
     call expand_at(table, frame%piece, instant%t, g)
     frame%origin = g(0)
     frame%origin_rate = g(1)
@@ -39,17 +48,15 @@ contains
 
   !> Flanks in a frame, moving alike or the coast flank not at all, from the Taylor coefficients of
   !> g where the step begins.
-  pure subroutine frame_about(instant, taylor, width, coast_moves, frame)
-    type(instant_t), intent(in) :: instant           !! where the step begins
+  pure subroutine frame_about(taylor, width, coast_moves, frame)
     real(wp), intent(in) :: taylor(0:max_degree)     !! of g there
     real(wp), intent(in) :: width                    !! distance between the flanks, rad
     logical, intent(in) :: coast_moves               !! whether the coast flank moves with g
     type(frame_t), intent(inout) :: frame            !! its frame
     real(wp) :: g(0:max_degree)
     g = taylor
-    frame%chart = instant%chart
-    frame%t = instant%t
     frame%origin = g(0)
+    frame%origin_rate = 0
     if (frame%chart == drive_flank .or. coast_moves) then
       frame%origin_rate = g(1)
       g(0:1) = 0
@@ -57,8 +64,10 @@ contains
     frame%flank(:, drive_flank) = g
     if (coast_moves) then
       frame%flank(:, coast_flank) = g
-    else if (frame%chart == drive_flank) then
-      frame%flank(0:1, coast_flank) = [-frame%origin, -frame%origin_rate]
+    else
+      frame%flank(:, coast_flank) = 0
+      if (frame%chart == drive_flank) frame%flank(0:1, coast_flank) = &
+          [-frame%origin, -frame%origin_rate]
     end if
     if (frame%chart == drive_flank) then
       frame%flank(0, coast_flank) = frame%flank(0, coast_flank) - width

@@ -6,49 +6,52 @@
 !> then starts at zero with zero slope, and a bounce of any size keeps its relative precision.
 module lapwing_system_oscillator
   use lapwing_kinds, only: wp
-  use lapwing_codes, only: separation, drive_flank, coast_flank, law_compliant, law_rigid, &
-      law_absolute, gap_symmetric, gap_one_flank
+  use lapwing_codes, only: separation, no_flank, drive_flank, coast_flank, law_compliant, &
+      law_rigid, law_absolute, gap_symmetric, gap_one_flank
+  use lapwing_flank_series, only: harmonic_series_t, harmonic_series, expand_series, series_at, &
+      bound_derivative
   use lapwing_system_clearance, only: stays_inside
-  use lapwing_system_frames, only: frame_about, flank_in_frame, flank_over_step
+  use lapwing_system_frames, only: open_on_piece, open_in_contact, frame_about
   use lapwing_system_flight_leaps, only: leap_over_pieces
   use lapwing_system_parameters, only: parameters_t, natural_angle, felt_jump
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, taylor_shift
-  use lapwing_system_spring_stages, only: spring_stages, flight_stages
+  use lapwing_system_spring_stages, only: drive, drive_over_step, spring_stages, flight_stages
   use lapwing_system, only: system_t, instant_t, frame_t, motion_t, step_t, max_states, &
       dense_degree
   use lapwing_flank_table, only: te_table_t, te_table, find_jumps, locate_piece, expand_at, &
       flank_motion_at
   implicit none
   private
-  public :: oscillator_t, oscillator, open_table_frame, impact_law
-  public :: drive_over_step
+  public :: oscillator_t, oscillator
 
   type, extends(system_t) :: oscillator_t
     type(te_table_t) :: table             !! g over one mesh period
+    logical :: harmonic = .false.         !! g is the series, the table one empty piece
+    type(harmonic_series_t) :: series     !! g
     real(wp) :: force = 1                 !! F, rad
     real(wp) :: damping = 0               !! 2 xi
     real(wp) :: width = 1                 !! distance between the flanks, rad
     real(wp) :: angle_scale = 1           !! natural size of angles, rad
     real(wp) :: flight_velocity_scale = 1 !! natural size of velocities in flight
-    logical :: absolute = .false.         !! impact law of absolute velocities
     logical :: coast_moves = .true.       !! whether the coast flank moves with g
     logical :: alike = .true.             !! whether all flanks there are move with g
   contains
-    procedure :: open_frame => open_table_frame
     procedure :: flank_motion, change_force
-    procedure :: next_piece, derivatives, gap, contact, commit, pressing
+    procedure :: open_frame, next_piece, derivatives, gap, contact, commit, pressing
     procedure :: rebound, sums_chatter, launch, pass_knot, scales, observe
+    procedure :: begins_clear, limit_step, flank_velocity
     procedure :: stages, stay, leap
   end type oscillator_t
 
 contains
 
   !> Oscillator from its parameters and its transmission error over mesh phase.
-  function oscillator(parameters, knots, coefficients, kinks) result(self)
+  function oscillator(parameters, knots, coefficients, kinks, series) result(self)
     type(parameters_t), intent(in) :: parameters  !! dimensionless parameters
     real(wp), intent(in) :: knots(:)              !! (n + 1) mesh phase, 0 to 1
     real(wp), intent(in) :: coefficients(0:, :)   !! (0:5, n) rad per mesh period**k
     logical, intent(in) :: kinks(:)               !! (n) slope jump at knots(i)
+    real(wp), intent(in), optional :: series(:, :)   !! (3, terms), first order -1: none
     type(oscillator_t) :: self
     real(wp), parameter :: two_pi = 8*atan(1.0_wp)
     associate (p => parameters)
@@ -63,8 +66,11 @@ contains
       self%absolute = p%impact_law == law_absolute
       self%coast_moves = p%back_flank_te
       self%alike = self%n_flanks == 1 .or. self%coast_moves
-      call set_force(self, p)
       self%table = te_table(knots, coefficients, kinks, p%flank_scale, self%period, felt_jump(p))
+      if (present(series)) self%harmonic = series(1, 1) >= 0
+      if (self%harmonic) self%series = harmonic_series(series, p%flank_scale, &
+          p%mesh_frequency_ratio)
+      call set_force(self, p)
     end associate
   end function oscillator
 
@@ -75,6 +81,8 @@ contains
     self%force = p%force
     self%angle_scale = natural_angle(p)
     self%flight_velocity_scale = self%angle_scale*min(1.0_wp, p%mesh_frequency_ratio)
+    self%strongest = abs(p%force) + maxval(abs(self%table%push))
+    if (self%harmonic) self%strongest = abs(p%force) + 2*bound_derivative(self%series, 2)
   end subroutine set_force
 
   !> The same oscillator under another force.
@@ -85,26 +93,62 @@ contains
     call find_jumps(self%table, felt_jump(parameters))
   end subroutine change_force
 
-  !> Open the Galilean frame of the flank last touched.
-  pure subroutine open_table_frame(self, instant, frame, z)
+  !> Open the Galilean frame of the flank last touched. A series has its Taylor polynomials as
+  !> flanks, which are good at the beginning only.
+  pure subroutine open_frame(self, instant, frame)
     class(oscillator_t), intent(in) :: self
-    type(instant_t), intent(in) :: instant       !! where the step begins
-    type(frame_t), intent(out) :: frame          !! its frame
-    real(wp), intent(out) :: z(max_states)       !! local coordinates of the instant
+    type(instant_t), intent(in) :: instant       !! where it opens
+    type(frame_t), intent(inout) :: frame        !! its frame
     real(wp) :: g(0:max_degree)
-    associate (table => self%table)
-      frame%piece = locate_piece(table, instant%t, instant%piece)
-      frame%piece_end = table%knot(frame%piece + 1) - instant%t
-      frame%stop_knot = table%next_kink(frame%piece)
-      if (instant%motion_state /= separation .and. .not. self%rigid) then
-        frame%stop_knot = table%next_felt(frame%piece)
-      end if
-      frame%stop = table%knot(frame%stop_knot) - instant%t
-      call expand_at(table, frame%piece, instant%t, g)
-    end associate
-    call frame_about(instant, g, self%width, self%coast_moves, frame)
-    z = instant%y
-  end subroutine open_table_frame
+    if (instant%motion_state /= separation .and. self%alike .and. .not. self%harmonic) then
+      call open_in_contact(self%table, self%width, instant, frame)
+      return
+    end if
+    if (self%harmonic) then
+      call open_on_piece(self%table, 1, instant, frame)
+      call expand_series(self%series, instant%t, max_degree, g)
+    else
+      call open_on_piece(self%table, locate_piece(self%table, instant%t, instant%piece), instant, &
+          frame)
+      call expand_at(self%table, frame%piece, instant%t, g)
+    end if
+    call frame_about(g, self%width, self%coast_moves, frame)
+  end subroutine open_frame
+
+  !> A step in contact ends at a felt jump of curvature.
+  pure subroutine limit_step(self, instant, frame)
+    class(oscillator_t), intent(in) :: self
+    type(instant_t), intent(in) :: instant       !! where it opens
+    type(frame_t), intent(inout) :: frame        !! frame
+    if (instant%motion_state == separation .or. self%rigid) return
+    frame%stop_knot = self%table%next_felt(frame%piece)
+    frame%stop = self%table%knot(frame%stop_knot) - instant%t
+  end subroutine limit_step
+
+  !> Between flanks that move alike, off one with a speed, inside one or on the way into it.
+  pure logical function begins_clear(self, instant, shortest) result(clear)
+    class(oscillator_t), intent(in) :: self
+    type(instant_t), intent(in) :: instant       !! where an arc begins
+    real(wp), intent(in) :: shortest             !! duration of a chatter that is followed, tau
+    real(wp) :: inward, highest
+    clear = .false.
+    if (.not. self%alike) return
+    inward = merge(1.0_wp, -1.0_wp, instant%chart == drive_flank)
+    if (instant%motion_state /= separation) then
+      clear = .not. self%rigid .and. (instant%touching == instant%chart &
+          .or. inward*instant%y(1) > 0)
+    else if (instant%touching /= no_flank) then
+      clear = instant%touching == instant%chart .and. inward*instant%y(2) < 0
+      if (.not. clear .or. self%compliant) return
+      ! Half of this would do.
+      if (sums_chatter(self, instant%touching)) clear = abs(instant%y(2)) &
+          > shortest*self%strongest*(1 - self%restitution)
+    else
+      highest = merge(0.0_wp, self%width, instant%chart == drive_flank)
+      clear = instant%y(1) < highest .and. (instant%y(1) > highest - self%width &
+          .or. self%n_flanks == 1)
+    end if
+  end function begins_clear
 
   !> g and g'.
   pure subroutine flank_motion(self, t, piece, g, slope)
@@ -112,7 +156,11 @@ contains
     real(wp), intent(in) :: t                    !! time in the cycle
     integer, intent(in) :: piece                 !! table piece to look at first
     real(wp), intent(out) :: g, slope            !! position and velocity
-    call flank_motion_at(self%table, t, piece, g, slope)
+    if (self%harmonic) then
+      call series_at(self%series, t, g, slope)
+    else
+      call flank_motion_at(self%table, t, piece, g, slope)
+    end if
   end subroutine flank_motion
 
   !> Carry position and velocity of the flanks over to the next piece, whose bend takes over.
@@ -138,21 +186,19 @@ contains
   end subroutine next_piece
 
   !> A step in contact that certainly stays inside the flank, to its end.
-  pure subroutine stay(self, frame, motion, z_end, instant, stays)
+  pure subroutine stay(self, frame, begin, motion, z_end, y, stays)
     class(oscillator_t), intent(in) :: self
     type(frame_t), intent(in) :: frame           !! frame as opened
+    type(instant_t), intent(in) :: begin         !! where the step begins
     type(motion_t), intent(in) :: motion         !! step as a polynomial
     real(wp), intent(in) :: z_end(max_states)    !! local coordinates at its end
-    type(instant_t), intent(inout) :: instant    !! its beginning; if it stays, y is its end's
+    real(wp), intent(inout) :: y(max_states)     !! if it stays: state variables there
     logical, intent(out) :: stays                !! whether it does
-    real(wp) :: position, slope
     stays = .false.
     if (.not. self%alike) return
-    stays = stays_inside(self%table%push(instant%motion_state), instant%motion_state, &
-        instant%touching, motion)
-    if (.not. stays) return
-    call flank_in_frame(self%table, frame, motion%h, position, slope)
-    instant%y(1:2) = [z_end(1) - position, z_end(2) - slope]
+    stays = stays_inside(self%table%push(begin%motion_state), begin%motion_state, &
+        begin%touching, motion)
+    if (stays) y(1:2) = z_end(1:2) - motion%landing
   end subroutine stay
 
   !> In flight, up to the piece on which a flank might be met. Left to the search of every piece: a
@@ -180,43 +226,9 @@ contains
     rate(1) = z(2)
     rate(2) = self%force
     if (motion_state == separation) return
-    rate(2) = (drive(self, frame, s) - z(1)) - self%damping*z(2)
+    rate(2) = (drive(self%table, self%force, self%damping, &
+        frame%chart == drive_flank .or. self%coast_moves, frame, s) - z(1)) - self%damping*z(2)
   end subroutine derivatives
-
-  !> What drives the damped spring in contact, at s: the force, and the flank's motion in the frame.
-  pure real(wp) function drive(self, frame, s)
-    class(oscillator_t), intent(in) :: self
-    type(frame_t), intent(in) :: frame           !! frame as opened
-    real(wp), intent(in) :: s                    !! time since the frame was opened
-    real(wp) :: position, slope
-    drive = self%force
-    if (s <= 0 .or. stands(self, frame)) return
-    call flank_in_frame(self%table, frame, s, position, slope)
-    drive = self%force + (position + self%damping*slope)
-  end function drive
-
-  !> The same at the quarters of a step, and where the flank is at its end.
-  pure subroutine drive_over_step(self, frame, h, driven, landing)
-    class(oscillator_t), intent(in) :: self
-    type(frame_t), intent(in) :: frame           !! frame as opened
-    real(wp), intent(in) :: h                    !! step
-    real(wp), intent(out) :: driven(4)           !! at its quarters
-    real(wp), intent(out) :: landing(2)          !! flank's position and velocity at s = h
-    real(wp) :: position(4), slope(4)
-    driven = self%force
-    landing = 0
-    if (stands(self, frame)) return
-    call flank_over_step(self%table, frame, h, position, slope)
-    driven = self%force + (position + self%damping*slope)
-    landing = [position(4), slope(4)]
-  end subroutine drive_over_step
-
-  !> Whether the flank of a frame's chart stands still.
-  pure logical function stands(self, frame)
-    class(oscillator_t), intent(in) :: self
-    type(frame_t), intent(in) :: frame           !! frame
-    stands = frame%chart == coast_flank .and. .not. self%coast_moves
-  end function stands
 
   !> The stages of `stages_by_dispatch` written out for a parabola and for a damped spring.
   subroutine stages(self, frame, motion_state, h, z, dense, step)
@@ -227,11 +239,12 @@ contains
     real(wp), intent(in) :: z(max_states)          !! local coordinates at s = 0
     logical, intent(in) :: dense                   !! whether the rate at the end is wanted
     type(step_t), intent(inout) :: step            !! the result
-    real(wp) :: driven(4), landing(2)
+    real(wp) :: driven(4)
     if (motion_state == separation) then
       call flight_stages(self%force, h, z, step)
     else
-      call drive_over_step(self, frame, h, driven, landing)
+      call drive_over_step(self%table, self%force, self%damping, &
+          frame%chart == drive_flank .or. self%coast_moves, frame, h, driven, step%landing)
       call spring_stages(self%damping, self%force, driven, h, z(1:2), step)
     end if
   end subroutine stages
@@ -306,33 +319,28 @@ contains
     if (flank == coast_flank) c = -c
   end subroutine pressing
 
-  !> phi'+ = -eps phi'-; `absolute`: theta'+ = -eps theta'-.
-  pure real(wp) function rebound(self, frame, flank, s, approach)
+  !> Velocity of a flank at s within the frame's piece.
+  pure real(wp) function flank_velocity(self, frame, flank, s)
     class(oscillator_t), intent(in) :: self
     type(frame_t), intent(in) :: frame           !! frame
-    integer, intent(in) :: flank                 !! flank struck
-    real(wp), intent(in) :: s                    !! time since the frame was opened
-    real(wp), intent(in) :: approach             !! approach velocity before
-    real(wp) :: flank_velocity
+    integer, intent(in) :: flank                 !! flank
+    real(wp), intent(in) :: s                    !! time since it was opened
     flank_velocity = 0
-    if (self%absolute .and. (flank == drive_flank .or. self%coast_moves)) then
-      flank_velocity = frame%origin_rate &
-          + horner_slope(frame%flank(:, flank), s - frame%piece_begin)
-    end if
-    rebound = impact_law(self, flank, flank_velocity, approach)
-  end function rebound
+    if (flank == drive_flank .or. self%coast_moves) flank_velocity = frame%origin_rate &
+        + horner_slope(frame%flank(:, flank), s - frame%piece_begin)
+  end function flank_velocity
 
-  !> The same where the flank's velocity is known (`relative`: without effect).
-  pure real(wp) function impact_law(self, flank, flank_velocity, approach)
+  !> phi'+ = -eps phi'-; `absolute`: theta'+ = -eps theta'-.
+  pure real(wp) function rebound(self, flank, flank_velocity, approach)
     class(oscillator_t), intent(in) :: self
     integer, intent(in) :: flank                 !! flank struck
     real(wp), intent(in) :: flank_velocity       !! its velocity; 0: it stands still
     real(wp), intent(in) :: approach             !! approach velocity before
-    impact_law = -self%restitution*approach
+    rebound = -self%restitution*approach
     if (.not. self%absolute) return
-    impact_law = impact_law - (1 + self%restitution) &
+    rebound = rebound - (1 + self%restitution) &
         *merge(flank_velocity, -flank_velocity, flank == drive_flank)
-  end function impact_law
+  end function rebound
 
   !> Under `absolute` rebounds from a moving flank tend to a finite speed.
   pure logical function sums_chatter(self, flank)

@@ -2,12 +2,48 @@
 !> `stages_by_dispatch` does with their derivatives, to rounding, at a fifth of its price.
 module lapwing_system_spring_stages
   use lapwing_kinds, only: wp
-  use lapwing_system, only: step_t, richardson, sixth, change
+  use lapwing_flank_table, only: te_table_t
+  use lapwing_system, only: frame_t, step_t, richardson, sixth, change
+  use lapwing_system_frames, only: flank_in_frame, flank_over_step
   implicit none
   private
-  public :: spring_stages, flight_stages
+  public :: drive, drive_over_step, spring_stages, flight_stages
 
 contains
+
+  !> What drives the damped spring in contact, at s: the force, and the flank's motion in the frame.
+  pure real(wp) function drive(table, force, damping, moves, frame, s)
+    type(te_table_t), intent(in) :: table    !! motion of the flanks
+    real(wp), intent(in) :: force            !! F
+    real(wp), intent(in) :: damping          !! 2 xi
+    logical, intent(in) :: moves             !! whether the flank of the frame's chart does
+    type(frame_t), intent(in) :: frame       !! frame as opened
+    real(wp), intent(in) :: s                !! time since the frame was opened
+    real(wp) :: position, slope
+    drive = force
+    if (s <= 0 .or. .not. moves) return
+    call flank_in_frame(table, frame, s, position, slope)
+    drive = force + (position + damping*slope)
+  end function drive
+
+  !> The same at the quarters of a step, and where the flank is at its end.
+  pure subroutine drive_over_step(table, force, damping, moves, frame, h, driven, landing)
+    type(te_table_t), intent(in) :: table    !! motion of the flanks
+    real(wp), intent(in) :: force            !! F
+    real(wp), intent(in) :: damping          !! 2 xi
+    logical, intent(in) :: moves             !! whether the flank of the frame's chart does
+    type(frame_t), intent(in) :: frame       !! frame as opened
+    real(wp), intent(in) :: h                !! step
+    real(wp), intent(out) :: driven(4)       !! at its quarters
+    real(wp), intent(out) :: landing(2)      !! flank's position and velocity at s = h
+    real(wp) :: position(4), slope(4)
+    driven = force
+    landing = 0
+    if (.not. moves) return
+    call flank_over_step(table, frame, h, position, slope)
+    driven = force + (position + damping*slope)
+    landing = [position(4), slope(4)]
+  end subroutine drive_over_step
 
   !> Two classical steps of the damped spring and one over both, extrapolated.
   pure subroutine spring_stages(damping, force, driven, h, z, step)

@@ -11,8 +11,8 @@ module lapwing_system
   implicit none
   private
   public :: max_states, dense_degree
-  public :: instant_t, frame_t, motion_t, step_t, reached_t, system_t, richardson, sixth, change, &
-      stages_by_dispatch
+  public :: instant_t, frame_t, motion_t, step_t, system_t, approach_velocity, &
+      richardson, sixth, change, stages_by_dispatch
 
   integer, parameter :: max_states = 8            !! largest number of state variables
   integer, parameter :: dense_degree = 5          !! degree of the dense output
@@ -54,21 +54,16 @@ module lapwing_system
     real(wp) :: rate_begin(max_states)    !! derivatives at s = 0
     real(wp) :: rate_middle(max_states)   !! at s = h/2
     real(wp) :: rate_end(max_states)      !! at s = h, where dense output is wanted
+    real(wp) :: landing(2)                !! position and velocity of the chart's flank at s = h, in
+                                          !! the frame, of a system that knows when it stays
   end type step_t
 
   !> One accepted step as a polynomial: z(s) = sum_k dense(k,:) (s/h)**k.
   type :: motion_t
     real(wp) :: h = 0                                       !! step
     real(wp) :: dense(0:dense_degree, max_states) = 0       !! dense output
+    real(wp) :: landing(2) = 0                              !! see `step_t`
   end type motion_t
-
-  !> The end of a smooth stretch in closed form.
-  type :: reached_t
-    integer :: flank = 0                 !! flank met, or none: it may go on
-    integer :: chart = 1                 !! flank that y refers to: the one met, if any
-    real(wp) :: s = 0                    !! duration
-    real(wp) :: y(max_states) = 0        !! state variables, before whatever happens there
-  end type reached_t
 
   type, abstract :: system_t
     integer :: n_states = 2        !! state variables in use
@@ -77,8 +72,11 @@ module lapwing_system
     logical :: compliant = .false. !! contact without impact law
     logical :: rigid = .false.     !! an engaged tooth follows its flank; nothing else may move
                                    !! then (n_states = 2)
-    logical :: closed_form = .false. !! moves by `stretch` and its like, not by steps
+    logical :: absolute = .false.  !! impact law that asks for the flank's own velocity
     real(wp) :: restitution = 1    !! used to sum a chatter; the law itself is `rebound`
+    !> Bound of the acceleration that presses a tooth onto a flank: what is slow against it might
+    !> come to rest.
+    real(wp) :: strongest = huge(1.0_wp)
   contains
     procedure(open_frame_i), deferred :: open_frame
     procedure(next_piece_i), deferred :: next_piece
@@ -93,21 +91,23 @@ module lapwing_system
     procedure(pass_knot_i), deferred :: pass_knot
     procedure(scales_i), deferred :: scales
     procedure(observe_i), deferred :: observe
+    ! What a system may know better, to save work.
+    procedure :: begins_clear => never_clear
+    procedure :: limit_step => as_opened
+    procedure :: flank_velocity => at_rest
     procedure :: stages => stages_by_dispatch
     procedure :: stay, leap
-    ! Asked only of a system with a closed form, which overrides them.
-    procedure :: stretch, inside, turn, deepest, rigid_release
   end type system_t
 
   abstract interface
-    !> Open the local frame of a step at an instant; z(0) is in frame coordinates.
-    pure subroutine open_frame_i(self, instant, frame, z)
-      import :: system_t, instant_t, frame_t, max_states, wp
+    !> Open the local frame of an instant, up to the next kink or the end of the cycle. Local
+    !> coordinates begin with the state variables: z = y at s = 0.
+    pure subroutine open_frame_i(self, instant, frame)
+      import :: system_t, instant_t, frame_t
       implicit none
       class(system_t), intent(in) :: self
-      type(instant_t), intent(in) :: instant       !! where the step begins
-      type(frame_t), intent(out) :: frame          !! its frame
-      real(wp), intent(out) :: z(max_states)       !! local coordinates of the instant
+      type(instant_t), intent(in) :: instant       !! where it opens
+      type(frame_t), intent(inout) :: frame        !! its frame
     end subroutine open_frame_i
 
     !> Re-expand the flanks on the table piece that follows.
@@ -180,13 +180,12 @@ module lapwing_system
     end subroutine pressing_i
 
     !> Impact law: approach velocity after an impact (negative: the tooth rebounds).
-    pure real(wp) function rebound_i(self, frame, flank, s, approach)
-      import :: system_t, frame_t, wp
+    pure real(wp) function rebound_i(self, flank, flank_velocity, approach)
+      import :: system_t, wp
       implicit none
       class(system_t), intent(in) :: self
-      type(frame_t), intent(in) :: frame           !! frame
       integer, intent(in) :: flank                 !! flank struck
-      real(wp), intent(in) :: s                    !! time since the frame was opened
+      real(wp), intent(in) :: flank_velocity       !! its own, where `absolute`
       real(wp), intent(in) :: approach             !! approach velocity before
     end function rebound_i
 
@@ -240,6 +239,14 @@ module lapwing_system
 
 contains
 
+  !> Approach velocity of a state that is at a flank, to which y(1) and y(2), a distance and its
+  !> rate, refer in every system.
+  pure real(wp) function approach_velocity(flank, y)
+    integer, intent(in) :: flank             !! flank
+    real(wp), intent(in) :: y(max_states)    !! state variables
+    approach_velocity = merge(y(2), -y(2), flank == 1)
+  end function approach_velocity
+
   !> Change over a step by the four classical rates, about the first: where the rate is constant it
   !> is exact, and no rounding of weights adds up over many steps. After the last rate least is left
   !> to be done.
@@ -291,12 +298,13 @@ contains
 
   !> A step in contact that certainly stays inside the flank: the state at its end, without a look
   !> at the flank on the way. A system that knows nothing of the kind lets it be searched.
-  pure subroutine stay(self, frame, motion, z_end, instant, stays)
+  pure subroutine stay(self, frame, begin, motion, z_end, y, stays)
     class(system_t), intent(in) :: self
     type(frame_t), intent(in) :: frame           !! frame as opened
+    type(instant_t), intent(in) :: begin         !! where the step begins
     type(motion_t), intent(in) :: motion         !! step as a polynomial
     real(wp), intent(in) :: z_end(max_states)    !! local coordinates at its end
-    type(instant_t), intent(inout) :: instant    !! its beginning; if it stays, y is its end's
+    real(wp), intent(inout) :: y(max_states)     !! if it stays: state variables there
     logical, intent(out) :: stays                !! whether it does
     stays = .false.
   end subroutine stay
@@ -313,64 +321,30 @@ contains
     clear = .false.
   end subroutine leap
 
-  !> The smooth stretch that begins at an instant.
-  pure subroutine stretch(self, instant, stop, reached)
+  !> Whether an arc certainly begins off all flanks, or on its way from one or into one, so that
+  !> nothing is to be decided there. A tooth that leaves with v might be at the end of a chatter if
+  !> 2 v/(a (1 - eps)) <= `shortest`, a the acceleration that presses it back. A system that does
+  !> not say so is looked at.
+  pure logical function never_clear(self, instant, shortest)
     class(system_t), intent(in) :: self
     type(instant_t), intent(in) :: instant       !! where it begins
-    real(wp), intent(in) :: stop                 !! latest end
-    type(reached_t), intent(out) :: reached      !! its end
-    reached%chart = instant%chart
-    reached%s = stop
-    reached%y(1:self%n_states) = instant%y(1:self%n_states)
-  end subroutine stretch
+    real(wp), intent(in) :: shortest             !! duration of a chatter that is followed, tau
+    never_clear = .false.
+  end function never_clear
 
-  !> State variables, in the chart of a stretch's beginning, at s after it.
-  pure subroutine inside(self, begin, s, y)
+  !> Let a frame end where a step of a formula must end for its accuracy.
+  pure subroutine as_opened(self, instant, frame)
     class(system_t), intent(in) :: self
-    type(instant_t), intent(in) :: begin         !! where the stretch begins
-    real(wp), intent(in) :: s                    !! time since then
-    real(wp), intent(out) :: y(max_states)       !! state variables
-    y = 0
-    if (s >= 0) y(1:self%n_states) = begin%y(1:self%n_states)
-  end subroutine inside
+    type(instant_t), intent(in) :: instant       !! where it opens
+    type(frame_t), intent(inout) :: frame        !! frame
+  end subroutine as_opened
 
-  !> First turn of the distance to a flank after `from`, which is zero or the last turn found.
-  pure subroutine turn(self, begin, flank, from, until, found, s, distance, bend)
+  !> Velocity of a flank at s within a frame's piece.
+  pure real(wp) function at_rest(self, frame, flank, s)
     class(system_t), intent(in) :: self
-    type(instant_t), intent(in) :: begin         !! where the stretch begins
+    type(frame_t), intent(in) :: frame           !! frame
     integer, intent(in) :: flank                 !! flank
-    real(wp), intent(in) :: from, until          !! times since then
-    logical, intent(out) :: found                !! whether there is one
-    real(wp), intent(out) :: s                   !! when
-    real(wp), intent(out) :: distance            !! positive in separation, rad
-    real(wp), intent(out) :: bend                !! its second derivative
-    found = .false.
-    s = until
-    distance = 0
-    bend = 0
-  end subroutine turn
-
-  !> Largest distance from the drive flank, or depth in the coast flank, over a stretch, if it
-  !> exceeds `least`.
-  pure real(wp) function deepest(self, begin, flank, until, least)
-    class(system_t), intent(in) :: self
-    type(instant_t), intent(in) :: begin         !! where the stretch begins
-    integer, intent(in) :: flank                 !! flank
-    real(wp), intent(in) :: until                !! its length
-    real(wp), intent(in) :: least                !! value known already, rad
-    deepest = least
-  end function deepest
-
-  !> When a tooth in rigid contact would be pulled, where the flank is no table.
-  pure subroutine rigid_release(self, instant, stop, answered, found, s)
-    class(system_t), intent(in) :: self
-    type(instant_t), intent(in) :: instant       !! where the tooth is
-    real(wp), intent(in) :: stop                 !! latest end
-    logical, intent(out) :: answered             !! whether the rest says anything
-    logical, intent(out) :: found                !! whether it is
-    real(wp), intent(out) :: s                   !! when
-    answered = .false.
-    found = .false.
-    s = stop
-  end subroutine rigid_release
+    real(wp), intent(in) :: s                    !! time since it was opened
+    at_rest = 0
+  end function at_rest
 end module lapwing_system

@@ -1,10 +1,11 @@
 !> The price of generality, in nanoseconds (not a test): `meson compile measure_dispatch` in a
 !> release build, then run it. A step with the gear's own stages against `stages_by_dispatch`, and
-!> whole calls of `advance_any`.
+!> whole calls of `advance`.
 program measure_dispatch
   use lapwing_codes, only: separation, engagement, law_compliant, law_restitution, gap_one_flank
-  use lapwing_flow_rk4_crossing, only: work_t
-  use lapwing_hybrid_advance, only: advance_any
+  use lapwing_flow, only: work_t
+  use lapwing_flow_rk4_rk4_flow, only: rk4_flow_t
+  use lapwing_hybrid_automaton, only: advance
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_kinds, only: wp, int64
   use lapwing_system_oscillator, only: oscillator_t, oscillator
@@ -71,7 +72,8 @@ contains
     integer :: i, k
     instant = start_from(gear, 0.01_wp, motion_state, merge(1.0_wp, -1.0_wp, &
         motion_state == engagement), 0.1_wp)
-    call gear%open_frame(instant, frame, z)
+    call gear%open_frame(instant, frame)
+    z = instant%y
     best = huge(best)
     do k = 1, repetitions
       began = seconds()
@@ -84,7 +86,7 @@ contains
     print "(2a, f8.1, a)", name, ": ", 1.0e9_wp*best/steps, " ns per step"
   end subroutine report_step
 
-  !> Best of some runs of 1e6 calls of `advance_any`, from rest, and what they consisted of.
+  !> Best of some runs of 1e6 calls of `advance`, from rest, and what they consisted of.
   subroutine report_advance(name, system)
     character(*), intent(in) :: name         !! what
     type(oscillator_t), intent(in) :: system !! what moves
@@ -101,7 +103,7 @@ contains
       work = work_t()
       began = seconds()
       do i = 1, steps
-        call advance_any(system, numerics, state, segment, work, status)
+        call advance(system, rk4_flow_t(), numerics, state, segment, work, status)
         if (status /= 0) error stop "advance failed"
       end do
       best = min(best, seconds() - began)

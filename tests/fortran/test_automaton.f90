@@ -1,11 +1,12 @@
 !> The automaton on systems of one degree of freedom whose motion is known by hand.
 program test_automaton
   use assertions, only: tally_t
+  use lapwing_flow_rk4_rk4_flow, only: rk4_flow_t
   use lapwing_hybrid_automaton, only: advance
   use lapwing_codes, only: separation, engagement, coast_flank, event_impact, event_chatter_end, &
       event_engage, event_kind, status_ok, status_too_many_events, status_too_many_steps, &
       status_not_finite
-  use lapwing_flow_rk4_crossing, only: work_t
+  use lapwing_flow, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t, event_t
   use lapwing_kinds, only: wp
   use lapwing_system_oscillator, only: oscillator_t, oscillator
@@ -42,7 +43,7 @@ contains
     type(segment_t) :: segment
     integer :: i, status, calls
     do calls = 1, 1000000
-      call advance(system, numerics, state, segment, work, status)
+      call advance(system, rk4_flow_t(), numerics, state, segment, work, status)
       call tally%equal(status, status_ok, "advance: status")
       if (status /= status_ok) exit
       do i = 1, segment%n_events
@@ -103,7 +104,7 @@ contains
     type(work_t) :: work
     integer :: i, status
     do i = 1, 3
-      call advance(ball, numerics, state, segment, work, status)
+      call advance(ball, rk4_flow_t(), numerics, state, segment, work, status)
       call tally%equal(segment%n_events, 0, "a resting ball has no events")
       call tally%near(state%instant%y(1), 0.0_wp, 0.0_wp, "a resting ball stays")
       call tally%is_true(segment%cycle_completed, "a resting ball: a call per cycle")
@@ -311,7 +312,7 @@ contains
     integer :: i
     state%instant%y(1) = x
     do i = 1, 1000
-      call advance(ball, numerics, state, segment, work, status)
+      call advance(ball, rk4_flow_t(), numerics, state, segment, work, status)
       if (status /= status_ok) return
     end do
   end subroutine status_of

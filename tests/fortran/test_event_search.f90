@@ -2,7 +2,8 @@
 program test_event_search
   use assertions, only: tally_t
   use lapwing_codes, only: separation, engagement, no_flank, drive_flank, coast_flank
-  use lapwing_flow_rk4_crossing, only: crossing_t, work_t, find_crossing, polish_crossing
+  use lapwing_flow, only: work_t
+  use lapwing_flow_rk4_crossing, only: crossing_t, find_crossing, polish_crossing
   use lapwing_kinds, only: wp
   use lapwing_system_oscillator, only: oscillator_t, oscillator
   use lapwing_system_parameters, only: parameters_t
@@ -49,7 +50,8 @@ contains
     ball%period = 10
     if (present(n_flanks)) ball%n_flanks = n_flanks
     instant%motion_state = motion_state
-    call ball%open_frame(instant, frame, z)
+    call ball%open_frame(instant, frame)
+    z = instant%y
     motion%h = h
     motion%dense(0:4, 1) = x
     call find_crossing(ball, frame, motion_state, touching, motion, work, crossing)
@@ -224,7 +226,8 @@ contains
     p%mesh_frequency_ratio = 3
     gear = oscillator(p, knots, c, spread(.false., 1, size(knots) - 1))
     instant = start_from(gear, 0.0_wp, separation, -0.4_wp, phi_dot)
-    call gear%open_frame(instant, frame, z)
+    call gear%open_frame(instant, frame)
+    z = instant%y
     call rk4_step(gear, frame, separation, frame%stop, z, motion, z_end, error)
     call find_crossing(gear, frame, separation, no_flank, motion, work, crossing)
     flank = merge(crossing%flank, 0, crossing%found)
@@ -244,7 +247,8 @@ contains
     mass%wall = [0.3_wp, -9.0_wp]
     mass%period = 10
     instant%y(1:2) = [0.0_wp, 1.0_wp]
-    call mass%open_frame(instant, frame, z)
+    call mass%open_frame(instant, frame)
+    z = instant%y
     call rk4_step(mass, frame, separation, 0.5_wp, z, motion, z_end, error)
     call find_crossing(mass, frame, separation, no_flank, motion, work, crossing)
     call tally%is_true(crossing%found, "crossing of the oscillator")

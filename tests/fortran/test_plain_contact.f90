@@ -1,6 +1,6 @@
-!> What is left out is left out without effect: a plain step in contact gives the automaton's bits,
-!> and neither a bound on a contact nor a leap of a flight hides a crossing that a search of every
-!> piece finds.
+!> What is left out is left out without effect: what the automaton saves at the beginning of a step
+!> changes no bit, and neither a bound on a contact nor a leap of a flight hides a crossing that a
+!> search of every piece finds.
 program test_plain_contact
   use assertions, only: tally_t
   use exact_reference, only: seed, uniform, chance, pick, random_table
@@ -8,17 +8,17 @@ program test_plain_contact
   use lapwing_system_clearance, only: no_sooner
   use lapwing_codes, only: separation, engagement, law_restitution, law_compliant, gap_one_sided, &
       gap_symmetric, gap_one_flank, status_ok
-  use lapwing_flow_rk4_crossing, only: crossing_t, work_t, find_crossing
-  use lapwing_hybrid_advance, only: advance_any
+  use lapwing_flow, only: work_t
+  use lapwing_flow_rk4_crossing, only: crossing_t, find_crossing
+  use lapwing_flow_rk4_rk4_flow, only: rk4_flow_t
   use lapwing_system_frames, only: open_in_contact, flank_in_frame, flank_over_step
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_kinds, only: wp
   use lapwing_system_oscillator, only: oscillator_t, oscillator
   use lapwing_system_parameters, only: parameters_t
-  use lapwing_hybrid_plain_contact, only: step_in_contact
   use lapwing_system_start, only: start_from
   use lapwing_system, only: instant_t, frame_t
-  use test_systems, only: thorough_t
+  use test_systems, only: thorough_t, careful
   implicit none
 
   integer, parameter :: n_scenes = 150, n_steps = 300
@@ -112,12 +112,13 @@ contains
   subroutine test_same_bits(contact_law)
     integer, intent(in) :: contact_law               !! law
     type(oscillator_t) :: system
-    type(hybrid_state_t) :: state, other, probe
+    type(rk4_flow_t) :: flow
+    type(hybrid_state_t) :: state, other
+    type(instant_t) :: begin
     type(segment_t) :: segment, other_segment
     type(numerics_t) :: numerics
     type(work_t) :: work, other_work
     integer :: i, k, status, other_status
-    logical :: done
     numerics%tolerance = 1.0e-5_wp
     do i = 1, n_scenes
       system = random_oscillator(contact_law)
@@ -126,46 +127,44 @@ contains
           uniform(0.01_wp, 1.0_wp), uniform(-1.0_wp, 1.0_wp))
       do k = 1, n_steps
         other = state
-        probe = state
+        begin = state%instant
         work = work_t()
         other_work = work_t()
-        call step_in_contact(system, numerics, probe, segment, work, done)
-        if (.not. done) call tally%is_true(same_state(probe, state), "left untouched")
-        if (done) plain = plain + 1
-        work = work_t()
-        call advance_any(system, numerics, state, segment, work, status)
-        call advance(system, numerics, other, other_segment, other_work, other_status)
+        if (system%begins_clear(begin, 0.0_wp)) plain = plain + 1
+        call advance(system, flow, numerics, state, segment, work, status)
+        call advance(careful(system), flow, numerics, other, other_segment, other_work, &
+            other_status)
         call tally%equal(status, other_status, "status")
         call tally%is_true(same_state(state, other), "state, bit for bit")
         call tally%is_true(same_motion(segment, other_segment), "what happened, bit for bit")
         call tally%is_true(work%steps == other_work%steps, "count of steps")
         if (status /= status_ok) exit
-        if (segment%stepped) call search_both_ways(system, segment, probe%instant)
+        if (segment%moves) call search_both_ways(system, segment)
       end do
     end do
   end subroutine test_same_bits
 
   !> Every piece of a step, and those that are looked at: the same crossing to rounding.
-  subroutine search_both_ways(system, segment, begin)
+  subroutine search_both_ways(system, segment)
     type(oscillator_t), intent(in) :: system         !! what moves
     type(segment_t), intent(in) :: segment           !! a step it took
-    type(instant_t), intent(in) :: begin             !! where it began, or any other instant
     type(thorough_t) :: thorough
     type(crossing_t) :: found, searched
     type(work_t) :: work
-    integer :: touching
-    touching = merge(begin%touching, 0, begin%t == segment%t)
     thorough%oscillator_t = system
-    call find_crossing(thorough, segment%frame, segment%motion_state, touching, segment%motion, &
-        work, searched)
-    if (segment%motion_state /= separation) then
-      if (segment%n_events == 0 .and. begin%t /= segment%t) then
-        call tally%is_true(.not. searched%found, "a plain step crosses nothing")
+    associate (begin => segment%begin)
+      call find_crossing(thorough, segment%frame, begin%motion_state, begin%touching, &
+          segment%motion, work, searched)
+      if (begin%motion_state /= separation) then
+        if (segment%n_events == 0 .and. segment%length == segment%motion%h .and. &
+            .not. segment%cycle_completed) then
+          call tally%is_true(.not. searched%found, "a step without an event crosses nothing")
+        end if
+        return
       end if
-      return
-    end if
-    call find_crossing(system, segment%frame, segment%motion_state, touching, segment%motion, &
-        work, found)
+      call find_crossing(system, segment%frame, begin%motion_state, begin%touching, &
+          segment%motion, work, found)
+    end associate
     leaps = leaps + 1
     call tally%is_true(found%found .eqv. searched%found, "found or not")
     call tally%equal(found%frame%piece, searched%frame%piece, "piece")
@@ -189,11 +188,12 @@ contains
 
   pure logical function same_motion(one, other) result(same)
     type(segment_t), intent(in) :: one, other        !! segments
-    same = one%motion_state == other%motion_state .and. one%cycle == other%cycle &
-        .and. one%t == other%t .and. one%length == other%length &
-        .and. (one%stepped .eqv. other%stepped) .and. one%n_events == other%n_events &
+    same = one%begin%motion_state == other%begin%motion_state &
+        .and. one%begin%cycle == other%begin%cycle &
+        .and. one%begin%t == other%begin%t .and. one%length == other%length &
+        .and. (one%moves .eqv. other%moves) .and. one%n_events == other%n_events &
         .and. (one%cycle_completed .eqv. other%cycle_completed)
-    if (.not. (same .and. one%stepped)) return
+    if (.not. (same .and. one%moves)) return
     same = one%motion%h == other%motion%h .and. one%frame%piece == other%frame%piece &
         .and. all(one%motion%dense(:, 1:2) == other%motion%dense(:, 1:2)) &
         .and. one%frame%stop == other%frame%stop .and. one%frame%origin == other%frame%origin &

@@ -2,7 +2,7 @@
 program test_repetition
   use assertions, only: tally_t
   use lapwing_kinds, only: wp
-  use lapwing_flow_rk4_crossing, only: work_t
+  use lapwing_flow, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t
   use lapwing_observers_records, only: recorder_t, log_columns, cycle_columns, log_reserve
   use lapwing_run_cycle_detection, only: repetition_t, end_of_cycle

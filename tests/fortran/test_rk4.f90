@@ -157,7 +157,8 @@ contains
     real(wp) :: z(max_states), z_end(max_states), error(max_states), h
     gear = some_gear()
     instant = start_from(gear, 0.1_wp, separation, -0.5_wp, -0.25_wp)
-    call gear%open_frame(instant, frame, z)
+    call gear%open_frame(instant, frame)
+    z = instant%y
     h = 0.7_wp
     call rk4_step(gear, frame, separation, h, z, motion, z_end, error)
     call tally%below(maxval(error(1:2)), 0.0_wp, "estimate in flight")
@@ -196,7 +197,8 @@ contains
       phi = merge(-1.2_wp, merge(0.3_wp, -0.4_wp, motion_state == engagement), &
           motion_state == back_engagement)
       instant = start_from(gear, 0.01_wp*i, motion_state, phi, 0.01_wp*i)
-      call gear%open_frame(instant, frame, z)
+      call gear%open_frame(instant, frame)
+    z = instant%y
       call rk4_step(gear, frame, motion_state, 0.9_wp*frame%stop, z, fast_motion, fast, fast_error)
       call rk4_step(slow, frame, motion_state, 0.9_wp*frame%stop, z, slow_motion, by_dispatch, &
           error)

@@ -2,7 +2,8 @@
 program test_step_control
   use assertions, only: tally_t
   use lapwing_kinds, only: wp
-  use lapwing_flow_rk4_step_control, only: step_memory_t, step_to_try, error_ratio, &
+  use lapwing_flow, only: step_memory_t
+  use lapwing_flow_rk4_step_control, only: step_to_try, error_ratio, &
       after_accepted, after_rejected
   implicit none
 

@@ -4,8 +4,9 @@ program test_tangent_map
   use lapwing_codes, only: separation, engagement, back_engagement, law_compliant, law_rigid, &
       law_relative, law_absolute, status_ok
   use lapwing_flow_exact_oscillation, only: damped
-  use lapwing_flow_rk4_crossing, only: work_t
+  use lapwing_flow, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
+  use lapwing_flow_rk4_rk4_flow, only: rk4_flow_t
   use lapwing_kinds, only: wp
   use lapwing_system_oscillator, only: oscillator_t, oscillator
   use lapwing_system_parameters, only: parameters_t
@@ -74,8 +75,9 @@ contains
     recorder%cycles => cycles
     recorder%tangent => rows
     state%instant = start_from(system, 0.0_wp, motion_state, y(1), y(2))
-    call run_to(system, numerics_t(tolerance=1.0e-13_wp, chatter_tolerance=1.0e-13_wp), 1, 0.0_wp, &
-        deadline_in(60.0_wp), state, recorder, work, status)
+    call run_to(system, rk4_flow_t(), numerics_t(tolerance=1.0e-13_wp, &
+        chatter_tolerance=1.0e-13_wp), 1, 0.0_wp, deadline_in(60.0_wp), state, recorder, work, &
+        status)
     call tally%equal(status, status_ok, "run: status")
     row = rows(:, 1)
     cycle = cycles(:, 1)

@@ -2,10 +2,11 @@
 !> row, coupled by a spring; the first one hits a wall.
 program test_two_masses
   use assertions, only: tally_t
+  use lapwing_flow_rk4_rk4_flow, only: rk4_flow_t
   use lapwing_hybrid_automaton, only: advance
   use lapwing_codes, only: engagement, event_impact, event_engage, event_release, &
       event_chatter_end, status_ok
-  use lapwing_flow_rk4_crossing, only: work_t
+  use lapwing_flow, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t, event_t
   use lapwing_kinds, only: wp
   use test_systems, only: two_masses_t
@@ -71,7 +72,7 @@ contains
     type(segment_t) :: segment
     integer :: status, calls
     do calls = 1, 100000
-      call advance(masses, numerics, state, segment, work, status)
+      call advance(masses, rk4_flow_t(), numerics, state, segment, work, status)
       call tally%equal(status, status_ok, "advance: status")
       if (segment%n_events == 0) cycle
       event = segment%events(1)
@@ -216,7 +217,7 @@ contains
     state%instant%y(1:4) = [-0.6_wp, 0.0_wp, 0.8_wp, 1.0_wp]
     do calls = 1, 10000
       before = state
-      call advance(masses, numerics, state, segment, work, status)
+      call advance(masses, rk4_flow_t(), numerics, state, segment, work, status)
       call tally%equal(status, status_ok, "advance: status")
       if (segment%n_events == 0) cycle
       if (segment%events(1)%kind == event_chatter_end) exit

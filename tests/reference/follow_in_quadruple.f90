@@ -3,10 +3,10 @@
 !> the other.
 program follow_in_quadruple
   use lapwing_codes, only: method_rk4, status_ok
-  use lapwing_flow_rk4_crossing, only: work_t
+  use lapwing_flow, only: flow_t, work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
   use lapwing_kinds, only: wp
-  use lapwing_run_method, only: moved_by
+  use lapwing_run_method, only: make_system, make_flow
   use lapwing_system_oscillator, only: oscillator_t
   use lapwing_system_parameters, only: parameters_t
   use lapwing_observers_records, only: recorder_t, log_columns, cycle_columns
@@ -63,14 +63,16 @@ contains
   !> Run to the beginning of cycle number `cycles` and write events, states at cycles' beginnings,
   !> the state at the end and the status.
   subroutine follow()
-    class(oscillator_t), allocatable :: system
+    type(oscillator_t) :: system
+    class(flow_t), allocatable :: flow
     type(hybrid_state_t) :: state
     type(recorder_t) :: recorder
     type(work_t) :: work
     real(wp), target :: log(log_columns, event_room), rows(cycle_columns, cycles + 1)
     real(wp) :: phi, phi_dot
     integer :: status, i
-    call moved_by(numerics%method, parameters, knots, coefficients, kinks == 1, series, system)
+    call make_system(parameters, knots, coefficients, kinks == 1, series, system)
+    call make_flow(numerics%method, system, flow)
     state%instant = start_at_rest(system, start(4))
     if (start(1) >= 0) then
       state%instant = start_from(system, start(4), nint(start(1)), start(2), start(3))
@@ -79,8 +81,8 @@ contains
     recorder%want_cycles = .true.
     recorder%log => log
     recorder%cycles => rows
-    call run_to(system, numerics, cycles, 0.0_wp, deadline_in(patience), state, recorder, work, &
-        status)
+    call run_to(system, flow, numerics, cycles, 0.0_wp, deadline_in(patience), state, recorder, &
+        work, status)
     if (status /= status_ok) write (*, *) "# a status other than 0 follows"
     write (*, "(a, es45.35e4)") "period", system%period
     do i = 1, recorder%sums%n_log

@@ -7,14 +7,14 @@ module lapwing_flow_exact_contact
   use lapwing_kinds, only: wp
   use lapwing_codes, only: drive_flank
   use lapwing_flow_exact_response, only: locate_panel, free_size, launch_order, reach
-  use lapwing_flow_exact_oscillation, only: free_motion, n_taylor
+  use lapwing_flow_exact_oscillation, only: free_motion, free_state, n_taylor
   use lapwing_flow_exact_flight, only: end_t
   use lapwing_flow_exact_root_search, only: target_t, first_meeting, quick_return, only_zero
   use lapwing_flow_exact_panel_series, only: free_in_middle, contact_series
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, bernstein_on, least
   use lapwing_flow_exact_slow_contact, only: slow_meeting
   use lapwing_flow_exact_motion, only: scene_t, curve_t, launch, expand_launch, expand_fully, &
-      curve_at, free_state, rest_after
+      curve_at, rest_after
   implicit none
   private
   public :: contact_end
@@ -321,7 +321,7 @@ contains
     state = free
     if (passed > well_rounded) then
       call free_motion(scene%form%damping, middle, d, e)
-      state = free_state(scene%form, curve%free, d, e)
+      state = free_state(scene%form%damping, curve%free, d, e)
     end if
     call contact_series(scene, curve%moving, panel, state, c)
     call only_zero(sign*c, scene%form%panel(panel)%half, b, rest, settled, s, v)

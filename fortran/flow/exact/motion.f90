@@ -9,8 +9,7 @@ module lapwing_flow_exact_motion
   use lapwing_flow_exact_interval_bounds, only: blocks_t
   use lapwing_flow_exact_response, only: closed_form_t, panel_t, locate_panel, free_size, &
       launch_order, reach
-  use lapwing_flow_exact_oscillation, only: free_motion, free_modes, lasting, lasting_t, &
-      turn_undamped, n_taylor
+  use lapwing_flow_exact_oscillation, only: free_after, lasting, lasting_t, n_taylor
   use lapwing_flank_series, only: turned_t, turn_series, turned_value, turned_taylor, turned_tail, &
       series_at, expand_series
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, jet, taylor_shift
@@ -19,7 +18,7 @@ module lapwing_flow_exact_motion
   private
   public :: curve_t, scene_t, launch, expand_launch, expand_fully, curve_at, curve_taylor
   public :: flank_taylor
-  public :: rest_after, acceleration_at, free_state, fly_from
+  public :: rest_after, acceleration_at, fly_from
 
   !> 1/(k (k - 1)) for k from 2 on: two integrations of a power.
   real(wp), parameter :: over_pairs(2:launch_order) = 1/[2.0_wp, 6.0_wp, 12.0_wp, 20.0_wp, &
@@ -103,20 +102,6 @@ contains
     real(wp) :: q(2), bend
     call jet(n_taylor, panel%q, t - panel%middle, q(1), q(2), bend)
   end function response_on
-
-  !> (d, d') after a time whose two solutions are known.
-  pure function free_state(form, begin, d, e) result(state)
-    type(closed_form_t), intent(in) :: form    !! scene
-    real(wp), intent(in) :: begin(2)           !! at its beginning
-    real(wp), intent(in) :: d, e               !! see `free_motion`
-    real(wp) :: state(2)
-    if (.not. form%damping%xi > 0) then
-      state = turn_undamped(d, e, begin)
-      return
-    end if
-    state(1) = d*begin(1) + e*(begin(2) + form%damping%xi*begin(1))
-    state(2) = d*begin(2) - e*(begin(1) + form%damping%xi*begin(2))
-  end function free_state
 
   !> The Taylor series of a stretch about its beginning, and how far it reaches: as many terms as a
   !> quick return needs, if there might be one.
@@ -373,16 +358,8 @@ contains
     real(wp), intent(in) :: s                      !! time since it began
     real(wp), intent(in) :: q(2)                   !! response and its rate
     real(wp), intent(out) :: x, v                  !! position and velocity
-    real(wp) :: d, e, state(2)
-    associate (damping => scene%form%damping)
-      if (scene%form%graded .and. damping%apart) then
-        call free_modes(damping, curve%free, s, d, e)
-        state = [d + e, -(damping%slow_rate*d + damping%fast_rate*e)]
-      else
-        call free_motion(damping, s, d, e)
-        state = free_state(scene%form, curve%free, d, e)
-      end if
-    end associate
+    real(wp) :: state(2)
+    state = free_after(scene%form%damping, curve%free, s, scene%form%graded)
     x = scene%force + (q(1) + state(1))
     v = q(2) + state(2)
   end subroutine add_free_part

@@ -9,7 +9,7 @@ module lapwing_flow_exact_oscillation
   implicit none
   private
   public :: damped_t, damped, free_motion, free_matrix, near_matrix, turn_undamped
-  public :: taylor_row, n_taylor, free_modes, lasting_t, lasting
+  public :: taylor_row, n_taylor, free_state, free_after, lasting_t, lasting
 
   integer, parameter :: n_taylor = 15   !! derivatives tabulated by `taylor_row`
 
@@ -115,6 +115,37 @@ contains
     slow = (begin(2) + self%fast_rate*begin(1))/(2*self%w)*exp(-self%slow_rate*s)
     fast = -(begin(2) + self%slow_rate*begin(1))/(2*self%w)*exp(-self%fast_rate*s)
   end subroutine free_modes
+
+  !> (x, x') after a time whose two solutions are known.
+  pure function free_state(self, begin, d, e) result(state)
+    type(damped_t), intent(in) :: self   !! damping
+    real(wp), intent(in) :: begin(2)     !! at its beginning
+    real(wp), intent(in) :: d, e         !! see `free_motion`
+    real(wp) :: state(2)
+    if (.not. self%xi > 0) then
+      state = turn_undamped(d, e, begin)
+      return
+    end if
+    state(1) = d*begin(1) + e*(begin(2) + self%xi*begin(1))
+    state(2) = d*begin(2) - e*(begin(1) + self%xi*begin(2))
+  end function free_state
+
+  !> The same after a time. Where the rates are apart, and as many digits are asked for long after
+  !> the fast part has gone, by the two parts.
+  pure function free_after(self, begin, s, long_after) result(state)
+    type(damped_t), intent(in) :: self   !! damping
+    real(wp), intent(in) :: begin(2)     !! x, x' at s = 0
+    real(wp), intent(in) :: s            !! time, not negative
+    logical, intent(in) :: long_after    !! whether it may be that long
+    real(wp) :: state(2), d, e
+    if (long_after .and. self%apart) then
+      call free_modes(self, begin, s, d, e)
+      state = [d + e, -(self%slow_rate*d + self%fast_rate*e)]
+    else
+      call free_motion(self, s, d, e)
+      state = free_state(self, begin, d, e)
+    end if
+  end function free_after
 
   !> Bounds of a free oscillation from a time on: of (x, x') then, which never grows, or of its two
   !> parts.

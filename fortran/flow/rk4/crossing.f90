@@ -10,11 +10,12 @@ module lapwing_flow_rk4_crossing
   use lapwing_codes, only: separation
   use lapwing_polynomial_evaluation, only: max_degree
   use lapwing_polynomial_roots, only: first_descent
+  use lapwing_flow, only: work_t
   use lapwing_flow_rk4_step, only: rk4_move
   use lapwing_system, only: system_t, frame_t, motion_t, max_states
   implicit none
   private
-  public :: crossing_t, find_crossing, polish_crossing, work_t
+  public :: crossing_t, find_crossing, polish_crossing
 
   !> Re-steps of the formula to an event; two suffice unless the crossing is nearly a graze.
   integer, parameter :: max_polish = 8
@@ -30,19 +31,6 @@ module lapwing_flow_rk4_crossing
     real(wp) :: s = 0            !! when, since the frame was opened
     type(frame_t) :: frame       !! frame on the piece that holds s, or the step's end
   end type crossing_t
-
-  !> What was done, for tests of "no more than the scene needs" and for benchmarks.
-  type :: work_t
-    real(wp) :: steps = 0              !! accepted steps
-    real(wp) :: rejected = 0           !! rejected steps
-    real(wp) :: polish_steps = 0       !! re-steps to events
-    real(wp) :: drive_searches = 0     !! pieces searched at the drive flank
-    real(wp) :: coast_searches = 0     !! pieces searched at the coast flank
-    real(wp) :: samples = 0            !! samples of the history evaluated
-    real(wp) :: depth_searches = 0     !! pieces searched for the deepest point
-    real(wp) :: graze_searches = 0     !! pieces searched for near-grazes
-    real(wp) :: stretches = 0          !! smooth stretches moved along in closed form
-  end type work_t
 
 contains
 

@@ -34,6 +34,7 @@ contains
     integer :: i
     call system%stages(frame, motion_state, h, z, .true., step)
     motion%h = h
+    motion%landing = step%landing
     do i = 1, system%n_states
       call read_step(step, h, z(i), i, motion%dense(:, i), error(i))
       z_end(i) = step%end(i)

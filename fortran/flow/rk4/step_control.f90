@@ -6,9 +6,10 @@
 !> in contact, nor a contact shorten the next flight.
 module lapwing_flow_rk4_step_control
   use lapwing_kinds, only: wp
+  use lapwing_flow, only: step_memory_t
   implicit none
   private
-  public :: step_memory_t, step_to_try, error_ratio, after_accepted, after_rejected
+  public :: step_to_try, error_ratio, after_accepted, after_rejected
 
   !> Share of the tolerance that one step may spend. A mesh period in contact takes hundreds of
   !> steps whose errors add up; with this share the error of an event time stays below
@@ -22,12 +23,6 @@ module lapwing_flow_rk4_step_control
   real(wp), parameter :: low_enough = 0.25_wp, high_enough = 0.13_wp
   !> Keeps the integral term finite where a step was exact.
   real(wp), parameter :: least_ratio = 1.0e-4_wp
-
-  !> What the rule remembers of one motion state.
-  type :: step_memory_t
-    real(wp) :: step = huge(1.0_wp)   !! step to try next; huge: nothing is known
-    real(wp) :: ratio = 1             !! error ratio of the step before
-  end type step_memory_t
 
 contains
 
