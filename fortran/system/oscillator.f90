@@ -18,11 +18,11 @@ module lapwing_system_oscillator
   use lapwing_system_spring_stages, only: drive, drive_over_step, spring_stages, flight_stages
   use lapwing_system, only: system_t, instant_t, frame_t, motion_t, step_t, max_states, &
       dense_degree
-  use lapwing_flank_table, only: te_table_t, te_table, find_jumps, locate_piece, expand_at, &
+  use lapwing_flank_table, only: te_table_t, make_table, find_jumps, locate_piece, expand_at, &
       flank_motion_at
   implicit none
   private
-  public :: oscillator_t, oscillator
+  public :: oscillator_t, make_oscillator
 
   type, extends(system_t) :: oscillator_t
     type(te_table_t) :: table             !! g over one mesh period
@@ -46,13 +46,14 @@ module lapwing_system_oscillator
 contains
 
   !> Oscillator from its parameters and its transmission error over mesh phase.
-  function oscillator(parameters, knots, coefficients, kinks, series) result(self)
+  subroutine make_oscillator(parameters, knots, coefficients, kinks, series, self, error)
     type(parameters_t), intent(in) :: parameters  !! dimensionless parameters
     real(wp), intent(in) :: knots(:)              !! (n + 1) mesh phase, 0 to 1
     real(wp), intent(in) :: coefficients(0:, :)   !! (0:5, n) rad per mesh period**k
     logical, intent(in) :: kinks(:)               !! (n) slope jump at knots(i)
-    real(wp), intent(in), optional :: series(:, :)   !! (3, terms), first order -1: none
-    type(oscillator_t) :: self
+    real(wp), intent(in) :: series(:, :)          !! (3, terms), first order -1: none
+    type(oscillator_t), intent(out) :: self       !! oscillator
+    integer, intent(out) :: error                 !! 0, or there is no memory for it
     real(wp), parameter :: two_pi = 8*atan(1.0_wp)
     associate (p => parameters)
       self%n_states = 2
@@ -66,13 +67,15 @@ contains
       self%absolute = p%impact_law == law_absolute
       self%coast_moves = p%back_flank_te
       self%alike = self%n_flanks == 1 .or. self%coast_moves
-      self%table = te_table(knots, coefficients, kinks, p%flank_scale, self%period, felt_jump(p))
-      if (present(series)) self%harmonic = series(1, 1) >= 0
+      call make_table(knots, coefficients, kinks, p%flank_scale, self%period, felt_jump(p), &
+          self%table, error)
+      if (error /= 0) return
+      self%harmonic = series(1, 1) >= 0
       if (self%harmonic) self%series = harmonic_series(series, p%flank_scale, &
           p%mesh_frequency_ratio)
       call set_force(self, p)
     end associate
-  end function oscillator
+  end subroutine make_oscillator
 
   !> The force, and the scales that hang on it.
   pure subroutine set_force(self, p)

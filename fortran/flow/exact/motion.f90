@@ -27,7 +27,7 @@ module lapwing_flow_exact_motion
   !> What all stretches of an oscillator have in common.
   type :: scene_t
     real(wp) :: force = 1                 !! F
-    type(te_table_t) :: table             !! g as a table
+    type(te_table_t), pointer :: table => null()   !! g as a table, the system's own
     type(closed_form_t) :: form           !! what is computed beforehand
     type(blocks_t) :: blocks              !! and bounded together, where there is much of it
   end type scene_t
