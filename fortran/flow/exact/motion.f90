@@ -17,8 +17,7 @@ module lapwing_flow_exact_motion
   implicit none
   private
   public :: curve_t, scene_t, launch, expand_launch, expand_fully, curve_at, curve_taylor
-  public :: flank_taylor
-  public :: rest_after, acceleration_at, fly_from
+  public :: flank_taylor, rest_after, acceleration_at, fly_from
 
   !> 1/(k (k - 1)) for k from 2 on: two integrations of a power.
   real(wp), parameter :: over_pairs(2:launch_order) = 1/[2.0_wp, 6.0_wp, 12.0_wp, 20.0_wp, &
