@@ -4,12 +4,9 @@ import inspect
 import itertools
 import os
 import re
-import resource
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +14,7 @@ from lapwing._engine import api
 
 import lapwing
 from helpers import EPS, ROOT, SHIPPED, dataset_bytes, scene_a, scene_c, scene_d
-from lapwing import Oscillator, Status, TransmissionError, codes, engine, simulate
+from lapwing import Status, codes, engine, simulate
 from lapwing.threads import default_threads
 
 FORTRAN = ROOT / "fortran"
@@ -227,26 +224,3 @@ def test_without_a_word_all_allowed_processors_and_no_more(monkeypatch):
     allowed = (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity")
                else os.cpu_count())
     assert 1 <= default_threads() <= allowed
-
-
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
-def test_points_that_are_finished_stay_so_where_memory_ends(monkeypatch):
-    """A sweep is many calls: what one of them has no room for takes nothing from those before."""
-    def sweep(*arguments):
-        arguments[-1][0, 0] = Status.OK
-        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        before = resource.getrlimit(resource.RLIMIT_AS)
-        resource.setrlimit(resource.RLIMIT_AS, (used + (4 << 20), before[1]))
-        try:
-            return api.sweep(*arguments)
-        finally:
-            resource.setrlimit(resource.RLIMIT_AS, before)
-
-    monkeypatch.setattr(engine, "api", type("Api", (), {"sweep": staticmethod(sweep)}))
-    many_panels = Oscillator(TransmissionError.parabola(1e-4), force=1e-4, damping_ratio=50.0,
-                             mesh_frequency_ratio=1e-2, restitution=.5, backlash=2e-3)
-    result = engine.sweep(
-        [many_panels, replace(many_panels, force=2e-4)], [(0, 0, False), (1, 1, False)],
-        [(engine.REST, 0, 0, 0.0)] * 2, numerics=engine.Numerics(), wanted=engine.Wanted(),
-        settle=0, record=1, log_room=1, threads=1)
-    assert result.outcome[:, 0].tolist() == [Status.OK, Status.OUT_OF_MEMORY]

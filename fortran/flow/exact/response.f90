@@ -34,8 +34,7 @@ module lapwing_flow_exact_response
   !> first six terms leave out of a free oscillation of size E at most (0.66)**6/720 E = 1.1e-4 E.
   real(wp), parameter :: panel_span = &
       2*(0.25_wp*epsilon(1.0_wp)*20922789888000.0_wp)**(1.0_wp/16)
-  !> Panels of a scene that is not graded; they take some 70 MB.
-  integer, parameter :: most_panels = 100000
+  integer, parameter :: most_panels = 100000   !! of a scene that is not graded; some 70 MB
   !> A Taylor series of order n is exact to rounding where rate*s is below its reach: the first term
   !> left out, (rate*s)**(n + 1)/(n + 1)!, against the second one, (rate*s)**2/2.
   integer, parameter :: launch_order = 13   !! highest order of a series about a launch
