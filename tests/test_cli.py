@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from lapwing.base.exit_codes import ExitCode
 from lapwing.cli import BAD_INPUT, FAILED, INTERRUPTED, OK, app
 from lapwing.deck import load_deck
-from lapwing.exit_codes import ExitCode
 from lapwing.results import read_results
 
 INPUTS = Path(__file__).parents[1] / "inputs"
@@ -226,8 +226,8 @@ plots.RESPONSE_FIGURES, plots.SWEEP_FIGURES = ("impact_section",), ()
 sys.argv = ["lapwing", "run", {deck!r}, "--out", {out!r}, "--threads", "2"]
 main()
 """
-PLACES = {"lapwing.deck:load_deck": False, "lapwing.studies.response:response": False,
-          "lapwing.studies.sweep:sweep": True, "lapwing.results.file:store_checksums": True,
+PLACES = {"lapwing.deck:load_deck": False, "lapwing.studies.response.run:response": False,
+          "lapwing.studies.sweep.run:sweep": True, "lapwing.results.file:store_checksums": True,
           "lapwing.plots:draw_all": True, "lapwing.plots.crew:wait": True}
 
 
@@ -240,7 +240,8 @@ def signalled(tmp_path, where, signum):
     return deck, out, done
 
 
-EVERY_DAY = {("SIGINT", "lapwing.deck:load_deck"), ("SIGINT", "lapwing.studies.response:response"),
+EVERY_DAY = {("SIGINT", "lapwing.deck:load_deck"),
+             ("SIGINT", "lapwing.studies.response.run:response"),
              ("SIGINT", "lapwing.plots.crew:wait"), ("SIGTERM", "lapwing.plots:draw_all"),
              ("SIGUSR1", "lapwing.results.file:store_checksums")}
 

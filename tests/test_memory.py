@@ -160,7 +160,7 @@ def test_points_that_are_finished_stay_so_where_memory_ends():
 
 def test_extrema_search_few_pieces(monkeypatch):
     """Of a series of order 200 and of a smooth table: where its bounds pass all knots."""
-    from lapwing import transmission_error
+    from lapwing.model import transmission_error
 
     calls, original = [], transmission_error.stationary_points
     monkeypatch.setattr(transmission_error, "stationary_points",
@@ -174,7 +174,7 @@ def test_extrema_search_few_pieces(monkeypatch):
 def test_extrema_are_those_of_every_piece(seed):
     from numpy.polynomial import polynomial as power
 
-    from lapwing.transmission_error import stationary_points
+    from lapwing.model.transmission_error import stationary_points
     from random_scenes import transmission_error
 
     te = transmission_error(np.random.default_rng(seed), 41)

@@ -15,8 +15,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import typer
 
-from lapwing import estimates, exit_codes, signals
-from lapwing.exit_codes import MEANINGS, ExitCode
+from lapwing.base import estimates, exit_codes, signals
+from lapwing.base.exit_codes import MEANINGS, ExitCode
 
 OK, FAILED, BAD_INPUT, SURROUNDINGS, INTERRUPTED = (
     ExitCode.GOOD, ExitCode.FAILED, ExitCode.BAD_INPUT, ExitCode.SURROUNDINGS,
@@ -74,7 +74,7 @@ def run(decks: Decks,
       lapwing run a.nml b.nml --out study --threads 4
       lapwing run a.nml --set operation.pinion_speed_rpm=300 --set sweep.to=20 --out fast
     """  # noqa: D301 - \b keeps click from wrapping the lines
-    from lapwing.threads import default_threads
+    from lapwing.base.threads import default_threads
 
     _refuse_equal_stems(decks)
     raise typer.Exit(_each(decks, setting, lambda deck, progress: _run(
@@ -93,7 +93,7 @@ def critical(decks: Decks,
     Example:
       lapwing critical inputs/critical_25x32.nml
     """  # noqa: D301
-    from lapwing.threads import default_threads
+    from lapwing.base.threads import default_threads
 
     raise typer.Exit(_each(decks, setting, lambda deck, progress: _critical(
         deck, threads or default_threads(), progress)))
@@ -155,10 +155,10 @@ def plot(files: Annotated[list[Path], typer.Argument(metavar="RESULT.nc...", hel
     Example:
       lapwing plot results/lapping_25x32/result.nc --out figures
     """  # noqa: D301
+    from lapwing.base.threads import default_threads
     from lapwing.plots import FigureError
     from lapwing.results.store import StoreError
     from lapwing.run import plot_file
-    from lapwing.threads import default_threads
 
     code = OK
     for file in files:
@@ -303,7 +303,7 @@ def _run(deck, out, threads, force, progress):
 def _critical(deck, threads, progress):
     """Search and print the critical values of one deck; returns its exit code."""
     from lapwing.report.critical import critical_text
-    from lapwing.studies.critical_of_deck import critical_study
+    from lapwing.studies.critical.of_deck import critical_study
 
     if not deck.criticals:
         _complain(f"{deck.path}: no &critical in this deck")

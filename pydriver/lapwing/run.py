@@ -11,11 +11,13 @@ import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from lapwing import __version__, estimates
+from lapwing import __version__
+from lapwing.base import estimates
+from lapwing.base.messages import printable
+from lapwing.base.signals import held
 from lapwing.deck import DeckError, changed_keys, load_deck, used_hash, used_text
 from lapwing.deck.schema import SPEEDS
 from lapwing.deck.used import stored_hash
-from lapwing.messages import printable
 from lapwing.results.store import (
     COMPLETE,
     INCOMPLETE,
@@ -29,7 +31,6 @@ from lapwing.results.store import (
     probe,
     recover,
 )
-from lapwing.signals import held
 
 RESULT_FILE = "result.nc"
 USED_DECK = "used.nml"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lapwing import engine
-from lapwing.codes import EventKind, Status
+from lapwing.base.codes import EventKind, Status
 from lapwing.engine import Numerics, Wanted
 from lapwing_bench.outcome import Outcome
 

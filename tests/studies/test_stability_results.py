@@ -7,15 +7,15 @@ import pytest
 
 from helpers import PAIR, SHIPPED, ball, ball_start, dataset_bytes, scene_a, scene_c
 from lapwing import sweep
+from lapwing.base.stability_names import NUMBERS, STABILITY
 from lapwing.engine import CYCLE_NAMES, Numerics, TrajectoryCall, Wanted
-from lapwing.plots import exponents as figure
+from lapwing.plots.sweep import exponents as figure
 from lapwing.report.summary import summary_text
 from lapwing.results import read_results, write_results
-from lapwing.stability_names import NUMBERS, STABILITY
-from lapwing.studies.motion import why_aperiodic
 from lapwing.studies.orbit import find_orbit, settled_state
 from lapwing.studies.period import find_period, motion_class
-from lapwing.studies.response import response
+from lapwing.studies.response.motion import why_aperiodic
+from lapwing.studies.response.run import response
 from lapwing.studies.stability import CycleMaps, Exponents, exponents
 
 OPERATION = {"pinion_speed_rpm": 240, "impact_law": "relative"}

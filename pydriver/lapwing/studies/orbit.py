@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lapwing import arguments
-from lapwing.arguments import MAX_INT
-from lapwing.codes import MotionState, Status
+from lapwing.base import arguments
+from lapwing.base.arguments import MAX_INT
+from lapwing.base.codes import MotionState, Status
 from lapwing.engine import CYCLE_NAMES, REST, Numerics, TrajectoryCall, Wanted
-from lapwing.oscillator import Oscillator
+from lapwing.model.oscillator import Oscillator
 from lapwing.studies.stability import CycleMaps, Multipliers, multiplied, multipliers
 from lapwing.studies.trajectory import checked_start, engine_start
 

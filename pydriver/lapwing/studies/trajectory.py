@@ -7,12 +7,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from lapwing import arguments, engine, estimates
-from lapwing.arguments import MAX_INT, shown
-from lapwing.codes import MotionState, Status
+from lapwing import engine
+from lapwing.base import arguments, estimates
+from lapwing.base.arguments import MAX_INT, shown
+from lapwing.base.codes import MotionState, Status
 from lapwing.engine import CYCLE_NAMES, Numerics, TrajectoryCall, Wanted, position
-from lapwing.oscillator import Oscillator
-from lapwing.start import put_on_flank, start_problem
+from lapwing.model.oscillator import Oscillator
+from lapwing.model.start import put_on_flank, start_problem
 
 LOG_NAMES = ("kind", "cycle", "t", "phi", "velocity_before", "velocity_after")
 RECORDS = ("events", "cycles", "grazes")
