@@ -20,6 +20,7 @@ from helpers import EPS, ROOT, SHIPPED, dataset_bytes, scene_a, scene_c, scene_d
 from lapwing import Oscillator, Status, TransmissionError, engine, simulate
 from lapwing.base import codes
 from lapwing.base.threads import default_threads
+from lapwing.engine import calls, records
 
 FORTRAN = ROOT / "fortran"
 PROCEDURES = [name for name in dir(api) if not name.startswith("_")]
@@ -86,16 +87,19 @@ def test_the_order_of_the_codes_is_that_of_their_names():
 
 def test_sizes_are_those_of_the_engine():
     assert api.sizes().tolist() == [
-        engine.BLOB_SIZE, engine.WORK_SIZE, engine.LOG_COLUMNS, engine.CYCLE_COLUMNS,
-        engine.SAMPLE_COLUMNS, engine.N_REALS, engine.N_CHOICES,
-        engine.TANGENT_COLUMNS]
-    assert len(engine.WORK_NAMES) == engine.WORK_SIZE
-    assert len(engine.CYCLE_NAMES) == engine.CYCLE_COLUMNS
-    assert len(engine.TANGENT_NAMES) == engine.TANGENT_COLUMNS
+        calls.BLOB_SIZE, calls.WORK_SIZE, calls.LOG_COLUMNS, calls.CYCLE_COLUMNS,
+        calls.SAMPLE_COLUMNS, calls.N_REALS, calls.N_CHOICES,
+        calls.TANGENT_COLUMNS]
+    for table, size in ((records.EVENT_TABLE, calls.LOG_COLUMNS),
+                        (records.SAMPLE_TABLE, calls.SAMPLE_COLUMNS),
+                        (records.CYCLE_TABLE, calls.CYCLE_COLUMNS),
+                        (records.TANGENT_TABLE, calls.TANGENT_COLUMNS),
+                        (records.OUTCOME_TABLE, 5 + calls.WORK_SIZE)):
+        assert table.itemsize == 8 * size
     text = source("api/api.f90")
-    for rows in (f"log({engine.LOG_COLUMNS}, n_log)", f"cycles({engine.CYCLE_COLUMNS}, n_cycles)",
-                 f"samples({engine.SAMPLE_COLUMNS}, n_samples)",
-                 f"tangent({engine.TANGENT_COLUMNS}, n_tangent)", "coefficients(6, n_pieces)"):
+    for rows in (f"log({calls.LOG_COLUMNS}, n_log)", f"cycles({calls.CYCLE_COLUMNS}, n_cycles)",
+                 f"samples({calls.SAMPLE_COLUMNS}, n_samples)",
+                 f"tangent({calls.TANGENT_COLUMNS}, n_tangent)", "coefficients(6, n_pieces)"):
         assert rows in text
 
 
@@ -243,11 +247,11 @@ def test_points_that_are_finished_stay_so_where_memory_ends(monkeypatch):
         finally:
             resource.setrlimit(resource.RLIMIT_AS, before)
 
-    monkeypatch.setattr(engine, "api", type("Api", (), {"sweep": staticmethod(sweep)}))
+    monkeypatch.setattr(calls, "api", type("Api", (), {"sweep": staticmethod(sweep)}))
     many_panels = Oscillator(TransmissionError.parabola(1e-4), force=1e-4, damping_ratio=50.0,
                              mesh_frequency_ratio=1e-2, restitution=.5, backlash=2e-3)
     result = engine.sweep(
         [many_panels, replace(many_panels, force=2e-4)], [(0, 0, False), (1, 1, False)],
         [(engine.REST, 0, 0, 0.0)] * 2, numerics=engine.Numerics(), wanted=engine.Wanted(),
         settle=0, record=1, log_room=1, threads=1)
-    assert result.outcome[:, 0].tolist() == [Status.OK, Status.OUT_OF_MEMORY]
+    assert result.outcome["status"].tolist() == [Status.OK, Status.OUT_OF_MEMORY]
