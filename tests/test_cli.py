@@ -267,13 +267,13 @@ def test_a_signal_keeps_what_is_finished(tmp_path, where, signum, code, no_figur
 
 
 def test_the_points_of_a_sweep_that_are_finished_are_kept(tmp_path, no_figures, monkeypatch):
-    from lapwing import engine
+    from lapwing.engine import calls
 
-    original, calls = engine.api.sweep, []
+    original, made = calls.api.sweep, []
 
     def interrupted(*arguments):
-        calls.append(1)
-        if len(calls) == 3:
+        made.append(1)
+        if len(made) == 3:
             raise KeyboardInterrupt
         return original(*arguments)
 
@@ -283,9 +283,9 @@ def test_the_points_of_a_sweep_that_are_finished_are_kept(tmp_path, no_figures, 
         def __getattr__(self, name):
             return getattr(api, name)
 
-    api = engine.api
-    monkeypatch.setattr(engine, "api", Api())
-    monkeypatch.setattr(engine, "CALL_SECONDS", 1e-4)
+    api = calls.api
+    monkeypatch.setattr(calls, "api", Api())
+    monkeypatch.setattr(calls, "CALL_SECONDS", 1e-4)
     deck = write_deck(tmp_path, first=0.5, count=50, settle=2000)
     result = call("run", deck, "--out", tmp_path / "r", "--threads", 1)
     assert result.exit_code == INTERRUPTED

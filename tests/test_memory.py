@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import lapwing
-from lapwing import engine
+from lapwing.engine import calls
 
 # A child process under a limit: its outcome, and the most memory it had, MB.
 CHILD = """
@@ -86,7 +86,7 @@ def test_a_graded_scene_moves_as_steps_do(te, ratio, xi):
     graded, stepped = (
         lapwing.simulate(osc, ("separation", -1e-4, 0.0), cycles=0.3, method=method, rtol=1e-12)
         for method in ("exact", "rk4"))
-    assert osc.period * max(1, 2 * xi) > engine.GRADED_SPAN
+    assert osc.period * max(1, 2 * xi) > calls.GRADED_SPAN
     assert graded.events.kind.values.tolist() == stepped.events.kind.values.tolist()
     # To the tolerance of the steps, and of time against the period.
     assert graded.events.tau.values == pytest.approx(stepped.events.tau.values, rel=1e-9, abs=1e-9)
@@ -129,6 +129,7 @@ import resource
 from dataclasses import replace
 import lapwing
 from lapwing import engine
+from lapwing.engine import calls
 from lapwing._engine import api
 osc = {osc}
 
@@ -136,17 +137,17 @@ class Tight:
     @staticmethod
     def sweep(*arguments):
         lines, outcome = arguments[6], arguments[-1]
-        lines[4, 0], outcome[0, 0] = engine.LINE_DONE, lapwing.Status.OK
+        lines[4, 0], outcome[0, 0] = calls.LINE_DONE, lapwing.Status.OK
         used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (used + (4 << 20), resource.RLIM_INFINITY))
         return api.sweep(*arguments)
 
-engine.api = Tight
+calls.api = Tight
 result = engine.sweep(
     [osc, replace(osc, force=2e-4)], [(0, 0, False), (1, 1, False)],
     [(engine.REST, 0, 0, 0.0)] * 2, numerics=engine.Numerics(), wanted=engine.Wanted(),
     settle=0, record=1, log_room=1, threads=1)
-print(*(lapwing.Status(int(status)).name for status in result.outcome[:, 0]))
+print(*(lapwing.Status(int(status)).name for status in result.outcome["status"]))
 """
 
 

@@ -12,13 +12,13 @@ from lapwing import (
     GearPair,
     TransmissionError,
     critical_back,
-    engine,
     simulate,
     sweep,
 )
 from lapwing.base import estimates, exit_codes
 from lapwing.base.estimates import available_bytes, refusal, response_bytes, spell, sweep_bytes
 from lapwing.deck import load_deck
+from lapwing.engine import calls
 from lapwing.results.variables import described
 from lapwing.run import run_deck
 from lapwing.studies.critical.starts import StartGrid
@@ -69,7 +69,7 @@ def test_the_peak_lies_between_the_bound_and_four_times_it(small, large, bound):
 
 def test_columns_are_the_engines():
     assert (estimates.CYCLE, estimates.TANGENT, estimates.LOG, estimates.SAMPLE) == (
-        engine.CYCLE_COLUMNS, engine.TANGENT_COLUMNS, engine.LOG_COLUMNS, engine.SAMPLE_COLUMNS)
+        calls.CYCLE_COLUMNS, calls.TANGENT_COLUMNS, calls.LOG_COLUMNS, calls.SAMPLE_COLUMNS)
 
 
 def test_too_large_is_refused_before_work(tmp_path):

@@ -17,6 +17,7 @@ from helpers import EPS, ROOT, SHIPPED, dataset_bytes, scene_a, scene_c, scene_d
 from lapwing import Status, engine, simulate
 from lapwing.base import codes
 from lapwing.base.threads import default_threads
+from lapwing.engine import calls, records
 
 FORTRAN = ROOT / "fortran"
 PROCEDURES = [name for name in dir(api) if not name.startswith("_")]
@@ -83,16 +84,19 @@ def test_the_order_of_the_codes_is_that_of_their_names():
 
 def test_sizes_are_those_of_the_engine():
     assert api.sizes().tolist() == [
-        engine.BLOB_SIZE, engine.WORK_SIZE, engine.LOG_COLUMNS, engine.CYCLE_COLUMNS,
-        engine.SAMPLE_COLUMNS, engine.N_REALS, engine.N_CHOICES,
-        engine.TANGENT_COLUMNS]
-    assert len(engine.WORK_NAMES) == engine.WORK_SIZE
-    assert len(engine.CYCLE_NAMES) == engine.CYCLE_COLUMNS
-    assert len(engine.TANGENT_NAMES) == engine.TANGENT_COLUMNS
+        calls.BLOB_SIZE, calls.WORK_SIZE, calls.LOG_COLUMNS, calls.CYCLE_COLUMNS,
+        calls.SAMPLE_COLUMNS, calls.N_REALS, calls.N_CHOICES,
+        calls.TANGENT_COLUMNS]
+    for table, size in ((records.EVENT_TABLE, calls.LOG_COLUMNS),
+                        (records.SAMPLE_TABLE, calls.SAMPLE_COLUMNS),
+                        (records.CYCLE_TABLE, calls.CYCLE_COLUMNS),
+                        (records.TANGENT_TABLE, calls.TANGENT_COLUMNS),
+                        (records.OUTCOME_TABLE, 5 + calls.WORK_SIZE)):
+        assert table.itemsize == 8 * size
     text = source("api/api.f90")
-    for rows in (f"log({engine.LOG_COLUMNS}, n_log)", f"cycles({engine.CYCLE_COLUMNS}, n_cycles)",
-                 f"samples({engine.SAMPLE_COLUMNS}, n_samples)",
-                 f"tangent({engine.TANGENT_COLUMNS}, n_tangent)", "coefficients(6, n_pieces)"):
+    for rows in (f"log({calls.LOG_COLUMNS}, n_log)", f"cycles({calls.CYCLE_COLUMNS}, n_cycles)",
+                 f"samples({calls.SAMPLE_COLUMNS}, n_samples)",
+                 f"tangent({calls.TANGENT_COLUMNS}, n_tangent)", "coefficients(6, n_pieces)"):
         assert rows in text
 
 

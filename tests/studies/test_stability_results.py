@@ -8,7 +8,7 @@ import pytest
 from helpers import PAIR, SHIPPED, ball, ball_start, dataset_bytes, scene_a, scene_c
 from lapwing import sweep
 from lapwing.base.stability_names import NUMBERS, STABILITY
-from lapwing.engine import CYCLE_NAMES, Numerics, TrajectoryCall, Wanted
+from lapwing.engine import Numerics, TrajectoryCall, Wanted
 from lapwing.plots.sweep import exponents as figure
 from lapwing.report.summary import summary_text
 from lapwing.results import read_results, write_results
@@ -186,8 +186,8 @@ def recorded(osc, start, settle, cycles):
 
 def period_of(osc, start, settle, cycles=100):
     call = recorded(osc, start, settle, cycles)
-    phi, phi_dot = (call.cycles[:, CYCLE_NAMES.index(name)] for name in ("phi", "phi_dot"))
-    size = call.cycles[:, CYCLE_NAMES.index("deepest_separation")].max()
+    size = call.cycles["deepest_separation"].max()
+    phi, phi_dot = call.cycles["phi"], call.cycles["phi_dot"]
     return find_period(phi, phi_dot, np.zeros((cycles, 1)), size), call, size
 
 

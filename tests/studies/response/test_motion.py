@@ -8,6 +8,7 @@ import pytest
 from helpers import EPS, PAIR, oscillator, scene_a
 from lapwing import EventKind, MotionState
 from lapwing.engine import Numerics
+from lapwing.engine.records import CYCLE_TABLE, EVENT_TABLE, TANGENT_TABLE
 from lapwing.studies.response.motion import (
     SHARES,
     fastest_arrivals,
@@ -23,7 +24,7 @@ SHORT = {"settle_cycles": 60, "record_cycles": 30, "samples_per_cycle": 400, "rt
 def rows(*lines):
     """Log lines: kind, cycle, t, phi, before, after."""
     return np.array([(kind, cycle, t, 0.0, before, after)
-                     for kind, cycle, t, before, after in lines], dtype=float).reshape(-1, 6)
+                     for kind, cycle, t, before, after in lines], dtype=EVENT_TABLE)
 
 
 def test_shares_of_a_made_up_log():
@@ -84,8 +85,11 @@ def test_mean_force_is_that_of_the_contact_alone():
 def test_a_period_that_newton_does_not_find_is_said_so():
     """Lines of a made-up recording: states that are no orbit of this oscillator."""
     class Recording:
-        cycles = np.tile([0.0, 0, -1e-3, 0.0, *[0] * 10, 1e-3, 0, 1], (30, 1))
-        tangent = np.tile([0.5, 0, 0, 0.5, 0, math.log(0.25), 1, 2, 0, 0, 0, 0, 1e300], (30, 1))
+        cycles = np.zeros(30, CYCLE_TABLE)
+        cycles["phi"], cycles["deepest_separation"], cycles["states_visited"] = -1e-3, 1e-3, 1
+        tangent = np.zeros(30, TANGENT_TABLE)
+        tangent["matrix"], tangent["log_det"] = 0.5 * np.eye(2), math.log(0.25)
+        tangent["det_sign"], tangent["rank"], tangent["graze_depth"] = 1, 2, 1e300
 
     found = motion_attributes(scene_a(1.0), Recording, 5, 24, Numerics(rtol=1e-8))
     assert found["orbit_period"] == 0 and "orbit_distance" not in found

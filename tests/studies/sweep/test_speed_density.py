@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from helpers import PAIR, SHIPPED, dataset_bytes
-from lapwing import Status, engine, sweep
+from lapwing import Status, sweep
+from lapwing.engine import calls
 
 OPERATION = {"pinion_speed_rpm": 240, "impact_law": "relative", "settle": 40, "record": 20,
              "values": [0.4, 1.8, 5.5, 13.0], "starts": ("rest", "up")}
@@ -34,7 +35,7 @@ def test_counts_are_those_of_the_impacts(swept):
 
 
 def test_where_a_call_is_cut_changes_no_count(swept, monkeypatch):
-    monkeypatch.setattr(engine, "CALL_SECONDS", 0.0)
+    monkeypatch.setattr(calls, "CALL_SECONDS", 0.0)
     again = sweep(PAIR, SHIPPED, observe=("cycles", "impacts", "speeds"), threads=2, **OPERATION)
     assert dataset_bytes(again) == dataset_bytes(swept)
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import lapwing
-from lapwing import engine
 from lapwing.base.codes import Status
+from lapwing.engine import calls
 
 TE = lapwing.TransmissionError.from_file(Path(__file__).parents[3] / "inputs" / "te_25x32.csv")
 PAIR = lapwing.GearPair(
@@ -53,7 +53,7 @@ def test_threads_change_no_byte(small, threads):
 
 def test_cuts_change_no_byte(small, monkeypatch):
     """Calls that end at once, hundreds of them, between every few segments."""
-    monkeypatch.setattr(engine, "CALL_SECONDS", 0.0)
+    monkeypatch.setattr(calls, "CALL_SECONDS", 0.0)
     again = lapwing.sweep(PAIR, TE, values=TORQUES, settle=20, record=12, threads=2,
                           observe=("cycles", "impacts"), **RELATIVE)
     assert as_bytes(again) == as_bytes(small)

@@ -10,7 +10,8 @@ import numpy as np
 from lapwing import engine
 from lapwing.base import arguments, estimates
 from lapwing.base.codes import MotionState, Status
-from lapwing.engine import CYCLE_NAMES, Wanted
+from lapwing.engine import Wanted
+from lapwing.engine.records import CYCLE_TABLE, SAMPLE
 
 # One call into the engine holds at most this much of the cycle tables.
 MAX_BYTES = 1 << 26
@@ -144,7 +145,7 @@ def follow(oscillators, starts, settle, record, *, numerics, threads, progress=N
     """
     estimates.require(estimates.sweep_bytes(1, record), "critical",
                       "record (record_cycles)")
-    batch = max(1, MAX_BYTES // (8 * engine.CYCLE_COLUMNS * record))
+    batch = max(1, MAX_BYTES // (CYCLE_TABLE.itemsize * record))
     done, total = [], len(starts)
     for first in range(0, total, batch):
         part = slice(first, first + batch)
@@ -167,12 +168,10 @@ def _part(progress, begun, share):
 
 
 def _fates(result, starts):
-    failed = result.outcome[:, 0] != Status.OK
-    column = {name: result.cycles[:, :, CYCLE_NAMES.index(name)] for name in (
-        "states_visited", "impacts", "back_impacts", "back_engages")}
-    rattles = np.any((column["states_visited"] != ENGAGED) | (column["impacts"] > 0), axis=1)
-    back = (column["back_impacts"] + column["back_engages"] > 0) & ~failed[:, None]
-    final = [(float(row[2]), float(row[3]), float(row[4]), start[3])
-             for row, start in zip(result.outcome, starts, strict=True)]
+    failed, cycles = result.outcome["status"] != Status.OK, result.cycles
+    rattles = np.any((cycles["states_visited"] != ENGAGED) | (cycles["impacts"] > 0), axis=1)
+    back = (cycles["back_impacts"] + cycles["back_engages"] > 0) & ~failed[:, None]
+    final = [(*(float(end[name]) for name in SAMPLE), start[3])
+             for end, start in zip(result.outcome, starts, strict=True)]
     return Fates(rattles & ~failed, np.sum(back, axis=1), failed, final,
                  [np.flatnonzero(row) for row in back])

@@ -18,6 +18,8 @@ import numpy as np
 from numpy.polynomial import polynomial as power
 
 from lapwing.base.codes import EventKind, MotionState, Status
+from lapwing.engine import of_kind
+from lapwing.engine.records import SAMPLE
 from lapwing.model.transmission_error import stationary_points
 
 # Terms of the series.  Intervals are so short that |λ|h <= 1/2 for both free exponents λ and
@@ -73,10 +75,10 @@ def contact_forces(osc, recording):
     size = recording.grid.size
     phase = np.append(recording.grid, 1.0)
     flank = flank_motion(osc, phase)
-    log = recording.log[np.isin(recording.log[:, 0], [*BEGINS, *ENDS])]
+    log = of_kind(recording.events, (*BEGINS, *ENDS))
     for m in range(record):
         samples = recording.samples[m * size:(m + 1) * size + 1]
-        nodes = _nodes(osc, phase, samples, flank, log[log[:, 1] == m])
+        nodes = _nodes(osc, phase, samples, flank, log[log["cycle"] == m])
         result[:, m] = _mean(osc, nodes), _peak(osc, nodes)
     return result
 
@@ -86,10 +88,11 @@ def _nodes(osc, phase, samples, flank, events):
 
     Of an end of contact, and of a sample where contact goes on, the last two hold before it too.
     """
-    state, phi, phi_dot = samples.T
+    state, phi, phi_dot = (samples[name] for name in SAMPLE)
     at = np.array([phase * osc.period, state, *deflection(osc, state, phi, phi_dot, *flank),
                    phi_dot + flank[1]])
-    kind, _, t, _, before, after = events.T
+    kind, t = events["kind"], events["t"]
+    before, after = events["velocity_before"], events["velocity_after"]
     ends = np.isin(kind, ENDS)
     begun = np.array([BEGINS.get(EventKind(int(one)), MotionState.SEPARATION) for one in kind])
     # A coast flank that stands still has no slope of its own: velocities there are those of θ.

@@ -8,7 +8,8 @@ import numpy as np
 
 from lapwing.base.arrivals import arrivals_of
 from lapwing.base.codes import EventKind, MotionState
-from lapwing.engine import CYCLE_NAMES
+from lapwing.engine import columns, of_kind
+from lapwing.engine.records import STROBED
 from lapwing.studies.orbit import NoOrbit, find_orbit
 from lapwing.studies.period import REPEAT_TOLERANCE
 from lapwing.studies.stability import CycleMaps, findings
@@ -19,7 +20,6 @@ BEGINS = {EventKind.RELEASE: MotionState.SEPARATION, EventKind.BACK_RELEASE: Mot
           EventKind.BACK_ENGAGE: MotionState.BACK_ENGAGEMENT,
           EventKind.BACK_CHATTER_END: MotionState.BACK_ENGAGEMENT}
 SHARES = ("time_separated", "time_engaged", "time_back_engaged")
-SECTION = [CYCLE_NAMES.index(name) for name in ("motion_state", "phi", "phi_dot")]
 
 
 def law_attributes(osc):
@@ -29,12 +29,12 @@ def law_attributes(osc):
     return {"back_flank_te": int(osc.back_flank_te)} | {key: getattr(osc, key) for key in names}
 
 
-def shares_of_time(log, states, period):
+def shares_of_time(events, states, period):
     """Part of each mesh cycle spent in each motion state.
 
     Parameters
     ----------
-    log : array (events, 6), the engine's lines; cycles counted from the first recorded one
+    events : table (n,) of events; cycles counted from the first recorded one
     states : array (n,), motion state at the beginning of each cycle
     period : float, mesh period in τ
 
@@ -42,35 +42,37 @@ def shares_of_time(log, states, period):
     -------
     dict of SHARES -> array (n,), summing to one; NaN where a state is
     """
-    log = log[np.isin(log[:, 0], list(BEGINS))]
+    begins = of_kind(events, BEGINS)
     shares = np.zeros((len(states), len(MotionState)))
     for m, state in enumerate(states):
         if np.isnan(state):
             shares[m] = np.nan
             continue
-        events = log[log[:, 1] == m]
-        at = np.concatenate([[0.0], events[:, 2], [period]])
-        held = [int(state), *(int(BEGINS[EventKind(int(kind))]) for kind in events[:, 0])]
+        seen = begins[begins["cycle"] == m]
+        at = np.concatenate([[0.0], seen["t"], [period]])
+        held = [int(state), *(int(BEGINS[EventKind(int(kind))]) for kind in seen["kind"])]
         np.add.at(shares[m], held, np.diff(at) / period)
     return dict(zip(SHARES, shares.T, strict=True))
 
 
-def fastest_arrivals(log, cycles, natural_frequency, contact_law):
+def fastest_arrivals(events, cycles, natural_frequency, contact_law):
     """Largest approach speed of each mesh cycle's arrivals, rad/s; 0 without any."""
     fastest = np.zeros(cycles)
-    rows = log[np.isin(log[:, 0], arrivals_of(contact_law).kinds)]
-    np.maximum.at(fastest, rows[:, 1].astype(int), natural_frequency * np.abs(rows[:, 4]))
+    arrivals = of_kind(events, arrivals_of(contact_law).kinds)
+    np.maximum.at(fastest, arrivals["cycle"].astype(int),
+                  natural_frequency * np.abs(arrivals["velocity_before"]))
     return fastest
 
 
-def impact_attributes(osc, pair, log, mesh_force_peak):
+def impact_attributes(osc, pair, events, mesh_force_peak):
     """Mean approach speed (rad/s) and mean energy loss (J) of an arrival, and the dynamic factor.
 
     The dynamic factor is the peak mesh force over the force that the torques alone would give.
     What there is not (no arrival, no energy lost in an instant, no torque, no spring) is left out.
     """
     law = arrivals_of(osc.contact_law)
-    before, after = log[np.isin(log[:, 0], law.kinds)][:, 4:6].T
+    arrivals = of_kind(events, law.kinds)
+    before, after = arrivals["velocity_before"], arrivals["velocity_after"]
     energy = 0.5 * pair.torsional_stiffness * (before**2 - after**2)
     static = pair.mesh_stiffness * pair.pinion_base_lever * abs(osc.force)
     found = {}
@@ -94,8 +96,8 @@ def motion_attributes(osc, recording, period, max_period, numerics):
     Parameters
     ----------
     osc : Oscillator
-    recording : object with the engine's lines of the recorded cycles, `cycles` (n, 17) and
-        `tangent` (n, 13), or None there: nothing was wanted
+    recording : object with the engine's tables of the recorded cycles, `cycles` (n,) and
+        `tangent` (n,), or None there: nothing was wanted
     period, max_period : int
     numerics : Numerics, of the response
 
@@ -109,8 +111,8 @@ def motion_attributes(osc, recording, period, max_period, numerics):
     """
     if recording.tangent is None:
         return {}
-    states = recording.cycles[:, SECTION]
-    depth = recording.cycles[:, CYCLE_NAMES.index("deepest_separation")].max()
+    states = columns(recording.cycles, STROBED)
+    depth = recording.cycles["deepest_separation"].max()
     scale = max(abs(osc.force), depth) or osc.backlash
     numbers, found = findings(CycleMaps.from_rows(recording.tangent, osc.period), osc, period,
                               scale)

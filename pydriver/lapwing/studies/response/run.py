@@ -18,7 +18,16 @@ from lapwing.base import arguments, estimates
 from lapwing.base.arguments import MAX_INT, Refusals
 from lapwing.base.arrivals import arrivals_of
 from lapwing.base.codes import EventKind, MotionState, Status
-from lapwing.engine import CYCLE_NAMES, Numerics, TrajectoryCall, Wanted
+from lapwing.engine import Numerics, TrajectoryCall, Wanted, columns, impacts_of, unknown
+from lapwing.engine.records import (
+    CYCLE,
+    CYCLE_REALS,
+    CYCLE_TABLE,
+    EVENT,
+    EVENT_TABLE,
+    SAMPLE,
+    SAMPLE_TABLE,
+)
 from lapwing.studies.intervals import mean_interval
 from lapwing.studies.period import MAX_PERIOD, find_period, motion_class
 from lapwing.studies.response import motion
@@ -36,7 +45,6 @@ MEANS = ("impacts_per_cycle", "back_impacts_per_cycle", "resolved_impacts_per_cy
          "resolved_back_impacts_per_cycle", "chatter_ends_per_cycle", "mesh_force_mean",
          "impact_force_mean", "impact_energy_per_cycle", *motion.SHARES)
 PEAKS = ("deepest_separation", "deepest_back_penetration", "mesh_force_peak", "impact_speed_max")
-FLOATS = ("phi", "phi_dot", "deepest_separation", "deepest_back_penetration")
 TIGHTEST_RTOL = 1e-13
 # The difference of two runs is the error of the worse one, less the better one's: a quarter more
 # (Roache 1994, J. Fluids Eng. 116, 405-413). Rounding: of the sums of a cycle's arcs.
@@ -127,7 +135,7 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
     given = {key: value for key, value in settings.items() if value is not None}
     return _dataset(osc, pair, main, stored).assign_attrs(
         given | motion.law_attributes(osc) | _findings(main, reference)
-        | motion.impact_attributes(osc, pair, main.recording.log, main.number("mesh_force_peak"))
+        | motion.impact_attributes(osc, pair, main.recording.events, main.number("mesh_force_peak"))
         | motion.motion_attributes(osc, main.recording, main.period, max_period, numerics))
 
 
@@ -141,14 +149,14 @@ def _check(phase, **whole):
 
 @dataclass(frozen=True)
 class _Recording:
-    """Log (n, 6), cycles (record, 17), samples (record·grid + 1, 3) and the phases sampled.
+    """Tables of events (n,), cycles (record,), samples (record·grid + 1,); the phases sampled.
 
     Cycles are counted from the first recorded one; the last sample is the end of the last cycle.
     """
 
     status: Status
     grid: np.ndarray
-    log: np.ndarray
+    events: np.ndarray
     cycles: np.ndarray
     samples: np.ndarray
     tangent: np.ndarray | None = None
@@ -174,11 +182,14 @@ def _record(osc, start, span, grid, numerics, exponents=False):
         call.run((first + record + 1, 0.0), np.vstack([times, (first + record, 0.0)]))
         status = call.status
     if status != Status.OK:
-        return _Recording(status, grid, np.zeros((0, 6)), np.full((record, 17), np.nan),
-                          np.full((len(times) + 1, 3), np.nan))
-    log, cycles = call.log - first * np.eye(6)[1], call.cycles - first * np.eye(17)[0]
-    kept = [(table[:, i] >= 0) & (table[:, i] < record) for table, i in ((log, 1), (cycles, 0))]
-    return _Recording(status, grid, log[kept[0]], cycles[kept[1]], call.samples,
+        return _Recording(status, grid, unknown(EVENT_TABLE, 0), unknown(CYCLE_TABLE, record),
+                          unknown(SAMPLE_TABLE, len(times) + 1))
+    kept = [(table["cycle"] >= first) & (table["cycle"] < first + record)
+            for table in (call.events, call.cycles)]
+    events, cycles = call.events[kept[0]], call.cycles[kept[1]]
+    for table in (events, cycles):
+        table["cycle"] -= first
+    return _Recording(status, grid, events, cycles, call.samples,
                       call.tangent[kept[1]] if exponents else None)
 
 
@@ -193,9 +204,9 @@ class _Outcome:
 
     @classmethod
     def of(cls, osc, pair, recording, max_period):
-        column = dict(zip(CYCLE_NAMES, recording.cycles.T, strict=True))
+        column = recording.cycles
         by_cycle = _by_cycle(osc, pair, recording, column)
-        labels = np.column_stack([column[key] for key in LABELS])
+        labels = columns(column, LABELS)
         deepest = column["deepest_separation"].max()
         period = find_period(column["phi"], column["phi_dot"], labels,
                              max(abs(osc.force), deepest) or osc.backlash, max_period)
@@ -244,11 +255,12 @@ def _by_cycle(osc, pair, recording, column):
     record = len(recording.cycles)
     mean, peak = contact_forces(osc, recording)
     force, energy = np.zeros(record), np.zeros(record)
-    impacts = np.isin(recording.log[:, 0], (EventKind.IMPACT, EventKind.BACK_IMPACT))
-    _, cycle, _, _, before, after = recording.log[impacts].T
-    np.add.at(force, cycle.astype(int), newton * (before - after) / osc.period)
-    np.add.at(energy, cycle.astype(int), 0.5 * pair.torsional_stiffness * (before**2 - after**2))
-    fastest = motion.fastest_arrivals(recording.log, record, pair.natural_frequency,
+    impacts = impacts_of(recording.events)
+    cycle = impacts["cycle"].astype(int)
+    before, after = impacts["velocity_before"], impacts["velocity_after"]
+    np.add.at(force, cycle, newton * (before - after) / osc.period)
+    np.add.at(energy, cycle, 0.5 * pair.torsional_stiffness * (before**2 - after**2))
+    fastest = motion.fastest_arrivals(recording.events, record, pair.natural_frequency,
                                       osc.contact_law)
     if recording.status != Status.OK:
         force, energy, fastest = force * np.nan, energy * np.nan, fastest * np.nan
@@ -261,7 +273,7 @@ def _by_cycle(osc, pair, recording, column):
             "deepest_separation": column["deepest_separation"],
             "deepest_back_penetration": column["deepest_back_penetration"],
             "states_visited": column["states_visited"], "impact_speed_max": fastest,
-            **motion.shares_of_time(recording.log, column["motion_state"], osc.period)}
+            **motion.shares_of_time(recording.events, column["motion_state"], osc.period)}
 
 
 def _findings(main, reference):
@@ -298,8 +310,8 @@ def _sample_columns(osc, pair, recording, stored, second):
     record, failed = len(recording.cycles), recording.status != Status.OK
     phase = np.tile(recording.grid[stored], record)
     cycle = np.repeat(np.arange(record), stored.size)
-    rows = recording.samples[:-1].reshape(record, -1, 3)[:, stored]
-    state, phi, phi_dot = rows.reshape(-1, 3).T
+    rows = recording.samples[:-1].reshape(record, -1)[:, stored].reshape(-1)
+    state, phi, phi_dot = (rows[name] for name in SAMPLE)
     g, slope = flank_motion(osc, phase)
     depth, rate = deflection(osc, state, phi, phi_dot, g, slope)
     force = pair.mesh_stiffness * pair.pinion_base_lever * (depth + 2 * osc.damping_ratio * rate)
@@ -313,7 +325,7 @@ def _sample_columns(osc, pair, recording, stored, second):
 
 
 def _event_columns(pair, recording, period, second):
-    kind, cycle, t, phi, before, after = recording.log.T
+    kind, cycle, t, phi, before, after = (recording.events[name] for name in EVENT)
     energy = 0.5 * pair.torsional_stiffness * (before**2 - after**2)
     impact = np.isin(kind, (EventKind.IMPACT, EventKind.BACK_IMPACT))
     return {"event_time": (cycle + t / period) * second, "event_phase": t / period,
@@ -325,9 +337,10 @@ def _event_columns(pair, recording, period, second):
 def _cycle_columns(outcome):
     failed = outcome.recording.status != Status.OK
     columns = {}
-    for key, column in zip(CYCLE_NAMES[1:], outcome.recording.cycles.T[1:], strict=True):
+    for key in list(CYCLE)[1:]:
+        column = outcome.recording.cycles[key]
         whole = np.full(len(column), -1) if failed else column
-        columns[f"cycle_{key}"] = column if key in FLOATS else whole.astype(np.int32)
+        columns[f"cycle_{key}"] = column if key in CYCLE_REALS else whole.astype(np.int32)
     for key in ("mesh_force_mean", "mesh_force_peak", "impact_force_mean"):
         columns[f"cycle_{key}"] = outcome.by_cycle[key]
     return {**columns, "cycle_impact_energy": outcome.by_cycle["impact_energy_per_cycle"]}

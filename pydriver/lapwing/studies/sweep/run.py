@@ -13,7 +13,8 @@ from lapwing.base.arrivals import arrivals_of
 from lapwing.base.codes import EventKind, Status
 from lapwing.base.stability_names import NUMBERS
 from lapwing.base.threads import checked_threads, usable_threads
-from lapwing.engine import CYCLE_NAMES, Numerics, Wanted, work_counts
+from lapwing.engine import Numerics, Wanted, columns, numbers, work_counts
+from lapwing.engine.records import CYCLE, STROBED
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.transmission_error import TransmissionError
 from lapwing.studies.period import find_period, motion_class
@@ -170,15 +171,13 @@ def _dataset(result, oscillators, parameter, values, starts, wanted, phase, attr
 
     shape = (len(starts), len(values))
     by_point = ("start", parameter)
-    outcome = result.outcome.reshape(*shape, -1)
+    outcome = result.outcome.reshape(shape)
     coords = {"start": list(starts), parameter: values}
-    data = {"status": (by_point, outcome[..., 0].astype(np.int8)),
+    data = {"status": (by_point, outcome["status"].astype(np.int8)),
             "force": (parameter, [osc.force for osc in oscillators])}
     tables = result.cycles.reshape(*shape, *result.cycles.shape[1:])
-    columns = CYCLE_NAMES[1:] if wanted.cycles else CYCLE_NAMES[1:4]
-    for name in columns:
-        table = tables[..., CYCLE_NAMES.index(name)]
-        data[name] = ((*by_point, "recorded_cycle"), table)
+    for name in list(CYCLE)[1:] if wanted.cycles else STROBED:
+        data[name] = ((*by_point, "recorded_cycle"), tables[name])
     if wanted.cycles:
         data["period"] = (by_point, _periods(tables, oscillators))
         data["motion_class"] = (by_point, _classes(tables, data["period"][1], data["status"][1],
@@ -197,30 +196,28 @@ def _dataset(result, oscillators, parameter, values, starts, wanted, phase, attr
     dataset[parameter].attrs["units"] = PARAMETER_UNITS.get(parameter, "1")
     for name in UNITS.keys() & dataset.variables.keys():
         dataset[name].attrs["units"] = UNITS[name]
-    for name, count in work_counts(np.nansum(result.outcome[:, 5:], axis=0)).items():
+    for name, count in work_counts(np.nansum(result.outcome["work"], axis=0)).items():
         dataset.attrs[f"work_{name}"] = count
     return dataset
 
 
 def _periods(tables, oscillators):
     """Period of each point, `find_period`."""
-    labels = [CYCLE_NAMES.index(name) for name in LABELS]
-    deepest, phi, phi_dot = (CYCLE_NAMES.index(name)
-                             for name in ("deepest_separation", "phi", "phi_dot"))
     periods = np.zeros(tables.shape[:2], dtype=np.int16)
     for i, j in np.ndindex(*periods.shape):
         table = tables[i, j]
-        if not np.all(np.isfinite(table)):
+        if not np.all(np.isfinite(numbers(table))):
             continue
-        scale = max(abs(oscillators[j].force), table[:, deepest].max()) or oscillators[j].backlash
-        periods[i, j] = find_period(table[:, phi], table[:, phi_dot], table[:, labels], scale)
+        scale = (max(abs(oscillators[j].force), table["deepest_separation"].max())
+                 or oscillators[j].backlash)
+        periods[i, j] = find_period(table["phi"], table["phi_dot"], columns(table, LABELS), scale)
     return periods
 
 
 def _classes(tables, periods, status, contact_law):
     """Class of each point, `period.motion_class`, by the arrivals of the law."""
     law = arrivals_of(contact_law)
-    drive, coast, ends, back_ends = (tables[..., CYCLE_NAMES.index(name)] for name in (
+    drive, coast, ends, back_ends = (tables[name] for name in (
         law.drive, law.coast, "chatter_ends", "back_chatter_ends"))
     classes = np.where(status == Status.UNFINISHED, "unfinished", "failed").astype(object)
     for at in np.ndindex(*periods.shape):
@@ -233,12 +230,12 @@ def _classes(tables, periods, status, contact_law):
 def _stability(result, tables, periods, oscillators, by_point):
     """Exponents, multipliers and their checks, `stability.findings`; NaN where a run failed."""
     rows = result.tangent.reshape(*periods.shape, *result.tangent.shape[1:])
-    depth = tables[..., CYCLE_NAMES.index("deepest_separation")].max(axis=-1)
+    depth = tables["deepest_separation"].max(axis=-1)
     grown = growth(CycleMaps.from_rows(rows, 1.0))
     data = {name: np.full(periods.shape, np.nan) for name in NUMBERS}
     values = np.full((*periods.shape, 2), np.nan, dtype=complex)
     for i, j in np.ndindex(*periods.shape):
-        if np.any(np.isnan(rows[i, j])):
+        if np.any(np.isnan(numbers(rows[i, j]))):
             continue
         osc = oscillators[j]
         found = findings(CycleMaps.from_rows(rows[i, j], osc.period), osc, int(periods[i, j]),
@@ -256,7 +253,7 @@ def _with_spectra(data, result, oscillators, numerics, threads):
     from lapwing.studies.sweep.waterfall import spectra
 
     orders, amplitudes = spectra(
-        oscillators, result.outcome[:, [0, 2, 3, 4]], data.attrs["phase"], numerics=numerics,
+        oscillators, result.outcome, data.attrs["phase"], numerics=numerics,
         threads=usable_threads(threads, len(oscillators)))
     by_point = data["status"].dims
     count = data.sizes[by_point[1]]
@@ -282,7 +279,7 @@ def _speed_edges(oscillators):
 def _speeds(result, shape, by_point, record):
     """Impacts per mesh cycle in each bin, the last one with what is faster; and what is slower."""
     counts = result.density.reshape(*shape, -1) / record
-    counts[result.outcome[:, 0].reshape(shape) != Status.OK] = np.nan
+    counts[result.outcome["status"].reshape(shape) != Status.OK] = np.nan
     inside = counts[..., 1:-1].copy()
     inside[..., -1] += counts[..., -1]
     return {"impact_speed_density": ((*by_point, "speed_bin"), inside),
@@ -291,12 +288,12 @@ def _speeds(result, shape, by_point, record):
 
 def _impacts(result, oscillators, shape, by_point):
     """Impact section: mesh phase, velocity relative to the flank, flank; and how many were met."""
-    log = result.log.reshape(*shape, *result.log.shape[1:])
-    met = np.nan_to_num(result.outcome[:, 1]).reshape(shape).astype(np.int64)
+    log = result.events.reshape(*shape, -1)
+    met = np.nan_to_num(result.outcome["logged"]).reshape(shape).astype(np.int64)
     period = np.array([osc.period for osc in oscillators])[:, None]
     dims = (*by_point, "impact")
-    flank = np.where(log[..., 0] == EventKind.IMPACT, 1, 2).astype(np.int8)
-    flank[np.isnan(log[..., 0])] = 0
-    return {"impact_phase": (dims, log[..., 2] / period), "impact_velocity": (dims, log[..., 4]),
-            "impact_flank": (dims, flank),
+    flank = np.where(log["kind"] == EventKind.IMPACT, 1, 2).astype(np.int8)
+    flank[np.isnan(log["kind"])] = 0
+    return {"impact_phase": (dims, log["t"] / period),
+            "impact_velocity": (dims, log["velocity_before"]), "impact_flank": (dims, flank),
             "n_impacts": (by_point, met)}

@@ -10,6 +10,7 @@ import numpy as np
 from lapwing.base.codes import Status
 from lapwing.base.spectra import order_spectrum
 from lapwing.engine import TrajectoryCall, Wanted, position
+from lapwing.engine.records import SAMPLE
 
 # Mesh cycles of a spectrum, whose lines are 1/48 of an order apart (those of periods 2, 3, 4, 6,
 # 8, … are among them), and samples in each: the displacement's lines fall with the square of the
@@ -26,7 +27,7 @@ def spectra(oscillators, finals, phase, *, numerics, threads):
     Parameters
     ----------
     oscillators : sequence of Oscillator (points,)
-    finals : array (points, 4), status, motion state, phi and phi' at the end of each point's run
+    finals : table (points,), how each point's run ended, `engine.SweepResult.outcome`
     phase : float, mesh phase there
     numerics : Numerics
     threads : int
@@ -42,14 +43,15 @@ def spectra(oscillators, finals, phase, *, numerics, threads):
     cycle = np.floor(total)
 
     def one(i):
-        osc, (status, *start) = oscillators[i], finals[i]
-        if status != Status.OK:
+        osc, final = oscillators[i], finals[i]
+        if final["status"] != Status.OK:
             return
         times = np.column_stack([cycle, (total - cycle) * osc.period])
-        call = TrajectoryCall(osc, (*start, phase), numerics=numerics, wanted=Wanted())
+        start = (*(final[name] for name in SAMPLE), phase)
+        call = TrajectoryCall(osc, start, numerics=numerics, wanted=Wanted())
         call.run(position(phase, CYCLES, osc.period), times)
         if call.status == Status.OK:
-            amplitudes[i] = order_spectrum(call.samples[:, 1], CYCLES)[1][:amplitudes.shape[1]]
+            amplitudes[i] = order_spectrum(call.samples["phi"], CYCLES)[1][:amplitudes.shape[1]]
 
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(one, range(len(oscillators))))
