@@ -55,7 +55,7 @@ def _series_is_taken(osc):
     return 0 < len(osc.te.harmonics) <= MAX_TERMS
 
 
-def _table_arguments(oscillators, method="rk4"):
+def _table_arguments(oscillators, method=None):
     """Knots, coefficients, kinks and series shared by all oscillators.
 
     Only differences of g matter unless the coast flank stands still; the table is then shifted
@@ -66,10 +66,14 @@ def _table_arguments(oscillators, method="rk4"):
     if method == "exact" and _series_is_taken(oscillators[0]):
         return (np.array([0.0, 1.0]), np.zeros((6, 1), order="F"), np.zeros(1, dtype=np.intc),
                 np.asfortranarray(te.harmonics.T))
-    coefficients = np.asfortranarray(te.coefficients.T.copy())
+    knots, coefficients = te.knots, te.coefficients
+    if method == "rk4" and _series_is_taken(oscillators[0]):
+        knots, coefficients = te.fine_table
+    coefficients = np.asfortranarray(coefficients.T.copy())
     if oscillators[0].back_flank_te:
         coefficients[0] -= 0.5 * sum(te.extrema)
-    return te.knots, coefficients, te.kinks.astype(np.intc), NO_SERIES
+    kinks = np.zeros(knots.size - 1, np.intc) if knots is not te.knots else te.kinks
+    return knots, coefficients, kinks.astype(np.intc), NO_SERIES
 
 
 def method_of(osc, numerics):
