@@ -9,13 +9,13 @@ module lapwing_api_marshal
       event_release, event_engage, event_chatter_end, event_kink, event_near_graze, status_ok, &
       status_too_many_events, status_too_many_steps, status_step_too_small, status_not_finite, &
       status_unfinished, status_out_of_memory
-  use lapwing_flow_exact_oscillation, only: damped
   use lapwing_flow, only: flow_t, work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
   use lapwing_run_method, only: make_flow
   use lapwing_system_oscillator, only: oscillator_t, make_oscillator
   use lapwing_system_parameters, only: parameters_t
   use lapwing_polynomial_evaluation, only: max_degree
+  use lapwing_observers_deviations, only: deviations_of
   use lapwing_observers_records, only: recorder_t, start_recording, log_columns, cycle_columns, &
       sample_columns
   use lapwing_run, only: run_to, deadline_in
@@ -176,7 +176,7 @@ contains
     recorder%log => log
     recorder%cycles => cycles
     recorder%tangent => tangent
-    if (recorder%want_tangent) recorder%contact = damped(0.5_wp*system%damping)
+    if (recorder%want_tangent) recorder%deviations = deviations_of(system)
     ! f2py passes no empty array: a single sample before the first cycle means none.
     if (sample_time(1, 1) >= 0) then
       recorder%sample_time => sample_time

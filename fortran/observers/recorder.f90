@@ -17,11 +17,12 @@ module lapwing_observers_recorder
 contains
 
   !> Record one segment.
-  subroutine record_segment(self, system, flow, segment, work)
+  subroutine record_segment(self, system, flow, segment, after, work)
     type(recorder_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
     class(flow_t), intent(in) :: flow            !! what followed it
     type(segment_t), intent(in) :: segment       !! what happened
+    type(instant_t), intent(in) :: after         !! where it ended, past its events
     type(work_t), intent(inout) :: work          !! counts
     integer :: i
     if (associated(self%samples)) then
@@ -34,12 +35,12 @@ contains
     if (self%want_strobe .or. self%want_cycles) call strobe(self, system, segment)
     if (self%want_cycles) call measure(self, system, flow, segment, work)
     if (self%want_tangent) then
-      call carry_along(self%sums%tangent, system, self%contact, segment)
+      call carry_along(self%sums%tangent, system, self%deviations, segment)
     end if
     if (segment%cycle_completed .and. (self%want_strobe .or. self%want_cycles)) then
       call close_cycle(self, segment)
     end if
-    if (self%want_tangent) call jump(self%sums%tangent, system, self%contact, segment)
+    if (self%want_tangent) call jump(self%sums%tangent, system, self%deviations, segment, after)
     do i = 1, segment%n_events
       call log_line(self, segment%events(i))
       call count_speed(self%density, segment%events(i))
@@ -157,7 +158,7 @@ contains
       end if
       if (self%want_tangent) then
         if (sums%n_cycles <= size(self%tangent, 2)) then
-          self%tangent(:, sums%n_cycles) = tangent_row(sums%tangent)
+          self%tangent(:, sums%n_cycles) = tangent_row(sums%tangent, self%deviations%n)
         end if
         sums%tangent = tangent_t()
       end if

@@ -2,8 +2,8 @@
 module lapwing_observers_records
   use lapwing_kinds, only: wp
   use lapwing_codes, only: coast_flank, event_impact, event_near_graze, event_kind
-  use lapwing_flow_exact_oscillation, only: damped_t
   use lapwing_hybrid_state, only: event_t
+  use lapwing_observers_deviations, only: deviations_t
   use lapwing_observers_speeds, only: speed_density_t
   use lapwing_observers_tangent, only: tangent_t
   implicit none
@@ -47,7 +47,7 @@ module lapwing_observers_records
     logical :: want_strobe = .false.           !! state at the beginning of each cycle
     logical :: want_cycles = .false.           !! statistics of each cycle
     logical :: want_tangent = .false.          !! tangent map of each cycle; wants the strobe too
-    type(damped_t) :: contact                  !! deviations in contact, for the tangent map
+    type(deviations_t) :: deviations           !! how they move, for the tangent map
     real(wp) :: graze_distance = 0             !! what is near, rad
     real(wp) :: count_depth = 0.01_wp          !! least depth of a counted flight / cycle's depth
     real(wp), pointer, contiguous :: log(:, :) => null()           !! (log_columns, room)

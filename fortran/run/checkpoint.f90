@@ -13,7 +13,8 @@ module lapwing_run_checkpoint
   integer, parameter :: work_size = 9
   !> The counts come first: Python reads them there.
   integer, parameter :: at = work_size
-  integer, parameter :: tangent_size = 14
+  integer, parameter :: map_size = max_states**2
+  integer, parameter :: tangent_size = map_size + 10
   integer, parameter :: tangent_at = at + 36 + max_states
   integer, parameter :: fixed_size = tangent_at + tangent_size
   integer, parameter :: blob_size = fixed_size + max_flights
@@ -118,7 +119,7 @@ contains
   pure function pack_tangent(tangent) result(array)
     type(tangent_t), intent(in) :: tangent   !! tangent map since the cycle began
     real(wp) :: array(tangent_size)
-    array = [tangent%m, real([tangent%exponent, tangent%det_sign, tangent%rank, &
+    array = [tangent%m, real([tangent%exponent, tangent%det_sign, tangent%lost, &
         tangent%impacts], wp), tangent%log_det, tangent%contact_time, tangent%log_rebound, &
         tangent%graze_depth, tangent%pending]
   end function pack_tangent
@@ -126,15 +127,17 @@ contains
   pure function unpack_tangent(array) result(tangent)
     real(wp), intent(in) :: array(tangent_size)
     type(tangent_t) :: tangent
-    tangent%m = reshape(array(1:4), [2, 2])
-    tangent%exponent = nint(array(5))
-    tangent%det_sign = nint(array(6))
-    tangent%rank = nint(array(7))
-    tangent%impacts = nint(array(8))
-    tangent%log_det = array(9)
-    tangent%contact_time = array(10:11)
-    tangent%log_rebound = array(12)
-    tangent%graze_depth = array(13)
-    tangent%pending = array(14)
+    tangent%m = reshape(array(:map_size), shape(tangent%m))
+    associate (rest => array(map_size + 1:))
+      tangent%exponent = nint(rest(1))
+      tangent%det_sign = nint(rest(2))
+      tangent%lost = nint(rest(3))
+      tangent%impacts = nint(rest(4))
+      tangent%log_det = rest(5)
+      tangent%contact_time = rest(6:7)
+      tangent%log_rebound = rest(8)
+      tangent%graze_depth = rest(9)
+      tangent%pending = rest(10)
+    end associate
   end function unpack_tangent
 end module lapwing_run_checkpoint

@@ -6,12 +6,12 @@
 module lapwing_run_sweep
   use lapwing_kinds, only: wp, int64
   use lapwing_codes, only: status_ok, status_unfinished, status_out_of_memory
-  use lapwing_flow_exact_oscillation, only: damped
   use lapwing_flow, only: flow_t, work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
   use lapwing_run_method, only: make_flow
   use lapwing_system_oscillator, only: oscillator_t, make_oscillator
   use lapwing_system_parameters, only: parameters_t
+  use lapwing_observers_deviations, only: deviations_of
   use lapwing_observers_records, only: recorder_t, start_recording
   use lapwing_run, only: run_to
   use lapwing_system_start, only: start_as_told
@@ -243,7 +243,7 @@ contains
     recorder%log => sweep%log(:, :, line%point)
     if (.not. recorder%want_tangent) return
     recorder%tangent => sweep%tangent(:, :, line%point)
-    recorder%contact = damped(0.5_wp*system%damping)
+    recorder%deviations = deviations_of(system)
   end subroutine point_at_output
 
   !> Write a point's outcome, and make the next one ready.
