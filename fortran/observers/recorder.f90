@@ -6,7 +6,8 @@ module lapwing_observers_recorder
   use lapwing_flow, only: flow_t, work_t, instant_on
   use lapwing_hybrid_state, only: segment_t, event_t
   use lapwing_observers_grazes, only: find_grazes
-  use lapwing_observers_records, only: recorder_t, sums_t, log_line, n_counters, max_flights
+  use lapwing_observers_records, only: recorder_t, sums_t, log_line, n_counters, max_flights, &
+      cycle_columns, sample_columns
   use lapwing_observers_speeds, only: count_speed
   use lapwing_system, only: system_t, instant_t, frame_t
   use lapwing_observers_tangent, only: tangent_t, carry_along, jump, tangent_row
@@ -74,6 +75,7 @@ contains
     self%sums%strobe_due = .false.
     self%sums%strobe(1) = segment%begin%motion_state
     call system%observe(segment%begin, self%sums%strobe(2), self%sums%strobe(3))
+    self%sums%strobe_others = segment%begin%y(3:)
   end subroutine strobe
 
   !> States visited, and the deepest points of flights and of back contact.
@@ -152,9 +154,11 @@ contains
       counted_back = sums%n_flights - counted
       sums%n_cycles = sums%n_cycles + 1
       if (sums%n_cycles <= size(self%cycles, 2)) then
-        self%cycles(:, sums%n_cycles) = [real(segment%begin%cycle, wp), sums%strobe, &
+        self%cycles(:cycle_columns, sums%n_cycles) = [real(segment%begin%cycle, wp), sums%strobe, &
             sums%counter(1:2), real([counted, counted_back], wp), sums%counter(3:8), &
             sums%cycle_depth, sums%back_penetration, real(sums%states_visited, wp)]
+        self%cycles(cycle_columns + 1:, sums%n_cycles) = &
+            sums%strobe_others(:size(self%cycles, 1) - cycle_columns)
       end if
       if (self%want_tangent) then
         if (sums%n_cycles <= size(self%tangent, 2)) then
@@ -212,7 +216,10 @@ contains
     type(work_t), intent(inout) :: work          !! counts
     real(wp) :: phi, phi_dot
     call system%observe(instant, phi, phi_dot)
-    self%samples(:, self%sums%next_sample) = [real(instant%motion_state, wp), phi, phi_dot]
+    associate (sample => self%samples(:, self%sums%next_sample))
+      sample(:sample_columns) = [real(instant%motion_state, wp), phi, phi_dot]
+      sample(sample_columns + 1:) = instant%y(3:size(sample) - sample_columns + 2)
+    end associate
     self%sums%next_sample = self%sums%next_sample + 1
     work%samples = work%samples + 1
   end subroutine sample_at

@@ -6,12 +6,14 @@ module lapwing_observers_records
   use lapwing_observers_deviations, only: deviations_t
   use lapwing_observers_speeds, only: speed_density_t
   use lapwing_observers_tangent, only: tangent_t
+  use lapwing_system, only: max_states
   implicit none
   private
   public :: recorder_t, sums_t, start_recording, waits_for_room, log_has_room, log_line
   public :: log_columns, cycle_columns, sample_columns, n_counters, max_flights, log_reserve
 
   integer, parameter :: log_columns = 6       !! kind, cycle, t, phi, velocity before, after
+  ! With the other states of a system that has more than phi and phi' behind them:
   integer, parameter :: cycle_columns = 17    !! see `close_cycle`
   integer, parameter :: sample_columns = 3    !! motion state, phi, phi'
   integer, parameter :: n_counters = 8        !! impact, release, engage, chatter end, by flank
@@ -33,6 +35,7 @@ module lapwing_observers_records
     real(wp) :: back_penetration = 0           !! deepest point in the coast flank, rad
     integer :: states_visited = 0              !! bit k: motion state k
     real(wp) :: strobe(3) = 0                  !! motion state, phi, phi' at the cycle's beginning
+    real(wp) :: strobe_others(max_states - 2) = 0   !! and the other states
     real(wp) :: grazes_known_to = -1           !! near-grazes of the stretch up to here are logged
     integer :: n_flights = 0                   !! flights of the cycle ended by an impact
     real(wp) :: flight(max_flights) = 0        !! their depths, negative: at the coast flank

@@ -16,7 +16,8 @@ module lapwing_run_checkpoint
   integer, parameter :: map_size = max_states**2
   integer, parameter :: tangent_size = map_size + 10
   integer, parameter :: tangent_at = at + 36 + max_states
-  integer, parameter :: fixed_size = tangent_at + tangent_size
+  integer, parameter :: others_at = tangent_at + tangent_size
+  integer, parameter :: fixed_size = others_at + max_states - 2
   integer, parameter :: blob_size = fixed_size + max_flights
 
 contains
@@ -42,7 +43,8 @@ contains
     blob(at + 29:at + 36) = [sums%flight_depth, sums%cycle_depth, sums%back_penetration, &
         sums%strobe, sums%flight_depth_before, sums%grazes_known_to]
     blob(at + 37:tangent_at) = state%instant%y
-    blob(tangent_at + 1:fixed_size) = pack_tangent(sums%tangent)
+    blob(tangent_at + 1:others_at) = pack_tangent(sums%tangent)
+    blob(others_at + 1:fixed_size) = sums%strobe_others
     n = sums%n_flights
     blob(fixed_size + 1:fixed_size + n) = sums%flight(1:n)
   end subroutine pack_blob
@@ -81,7 +83,8 @@ contains
     sums%strobe = blob(at + 32:at + 34)
     sums%flight_depth_before = blob(at + 35)
     sums%grazes_known_to = blob(at + 36)
-    sums%tangent = unpack_tangent(blob(tangent_at + 1:fixed_size))
+    sums%tangent = unpack_tangent(blob(tangent_at + 1:others_at))
+    sums%strobe_others = blob(others_at + 1:fixed_size)
     work = unpack_work(blob(1:work_size))
     n = sums%n_flights
     sums%flight(1:n) = blob(fixed_size + 1:fixed_size + n)
@@ -97,6 +100,7 @@ contains
     counts = .false.
     counts(1:work_size) = .true.
     counts(at + [4, 15, 16, 17, 32, 33, 34]) = .true.
+    counts(others_at + 1:fixed_size) = .true.
     go_on_alike = all(transfer(merge(0.0_wp, one, counts), zero) &
         == transfer(merge(0.0_wp, other, counts), zero))
   end function go_on_alike

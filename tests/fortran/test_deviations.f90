@@ -199,7 +199,8 @@ contains
     recorder%tangent => rows
     state%instant%y(1:4) = y
     call run_to(system, rk4_flow_t(), numerics_t(tolerance=1.0e-13_wp, &
-        chatter_tolerance=1.0e-13_wp), 1, 0.0_wp, deadline_in(60.0_wp), state, recorder, work, status)
+        chatter_tolerance=1.0e-13_wp), 1, 0.0_wp, deadline_in(60.0_wp), state, recorder, work, &
+        status)
     call tally%equal(status, status_ok, "run: status")
     row = rows(:, 1)
     impacts = nint(sum(cycles(5:6, 1)))
