@@ -25,9 +25,11 @@ from lapwing.engine.records import (
     CYCLE_TABLE,
     EVENT,
     EVENT_TABLE,
+    MEAN_TABLE,
     SAMPLE,
     SAMPLE_TABLE,
 )
+from lapwing.studies import mean_rotation
 from lapwing.studies.intervals import mean_interval
 from lapwing.studies.period import MAX_PERIOD, find_period, motion_class
 from lapwing.studies.response import motion
@@ -95,7 +97,9 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
         with the rigid law), dynamic_te (θ, rad).  Over `event`: event_time, event_phase, …,
         velocity_before, velocity_after (rad per τ), impact_energy (J lost; NaN for what is no
         impact).  Over `cycle`: cycle_*, the columns of `simulate`, forces (N; peak: largest
-        magnitude) and impact energy (J).  Cycles are counted from the first recorded one.  The
+        magnitude) and impact energy (J).  With two degrees of freedom pinion_angle, gear_angle
+        (rad ahead of the nominal rotation), pinion_speed, gear_speed and cycle_mean_speed (of the
+        pinion; rad/s).  Cycles are counted from the first recorded one.  The
         numbers of the summary are attributes.  A run that fails numerically has its `status`,
         no events and NaN everywhere else (-1 in whole numbers).
 
@@ -135,6 +139,7 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
     given = {key: value for key, value in settings.items() if value is not None}
     return _dataset(osc, pair, main, stored).assign_attrs(
         given | motion.law_attributes(osc) | _findings(main, reference)
+        | mean_rotation.attributes(osc, main.recording.means[1])
         | motion.impact_attributes(osc, pair, main.recording.events, main.number("mesh_force_peak"))
         | motion.motion_attributes(osc, main.recording, main.period, max_period, numerics))
 
@@ -151,6 +156,8 @@ def _check(phase, **whole):
 class _Recording:
     """Tables of events (n,), cycles (record,), samples (record·grid + 1,); the phases sampled.
 
+    `means` are Θ and Θ' of the cycles and of the samples, None with one degree of freedom.
+
     Cycles are counted from the first recorded one; the last sample is the end of the last cycle.
     """
 
@@ -159,6 +166,7 @@ class _Recording:
     events: np.ndarray
     cycles: np.ndarray
     samples: np.ndarray
+    means: tuple = (None, None)
     tangent: np.ndarray | None = None
 
 
@@ -182,14 +190,17 @@ def _record(osc, start, span, grid, numerics, exponents=False):
         call.run((first + record + 1, 0.0), np.vstack([times, (first + record, 0.0)]))
         status = call.status
     if status != Status.OK:
+        means = [unknown(MEAN_TABLE, n) if osc.mean_rotation else None
+                 for n in (record, len(times) + 1)]
         return _Recording(status, grid, unknown(EVENT_TABLE, 0), unknown(CYCLE_TABLE, record),
-                          unknown(SAMPLE_TABLE, len(times) + 1))
+                          unknown(SAMPLE_TABLE, len(times) + 1), means)
     kept = [(table["cycle"] >= first) & (table["cycle"] < first + record)
             for table in (call.events, call.cycles)]
     events, cycles = call.events[kept[0]], call.cycles[kept[1]]
     for table in (events, cycles):
         table["cycle"] -= first
-    return _Recording(status, grid, events, cycles, call.samples,
+    means = (call.cycle_means[kept[1]] if osc.mean_rotation else None, call.sample_means)
+    return _Recording(status, grid, events, cycles, call.samples, means,
                       call.tangent[kept[1]] if exponents else None)
 
 
@@ -301,7 +312,8 @@ def _dataset(osc, pair, outcome, stored):
     second = osc.period / pair.natural_frequency
     parts = {"sample": _sample_columns(osc, pair, outcome.recording, stored, second),
              "event": _event_columns(pair, outcome.recording, osc.period, second),
-             "cycle": _cycle_columns(outcome)}
+             "cycle": {**_cycle_columns(outcome),
+                       **mean_rotation.by_cycle(osc, outcome.recording.means[0])}}
     return xr.Dataset({key: (dim, values) for dim, columns in parts.items()
                        for key, values in columns.items()})
 
@@ -319,9 +331,13 @@ def _sample_columns(osc, pair, recording, stored, second):
     if osc.contact_law == "rigid":
         force = force * np.nan
     state = np.full(state.size, -1) if failed else state
+    means = recording.means[1]
+    at = np.add.outer(np.arange(record) * recording.grid.size, stored).ravel()
     return {"time": (cycle + phase) * second, "phase": phase, "cycle": cycle.astype(np.int32),
             "motion_state": state.astype(np.int8), "phi": phi, "phi_dot": phi_dot,
-            "mesh_force": force, "dynamic_te": phi + g}
+            "mesh_force": force, "dynamic_te": phi + g,
+            **mean_rotation.shafts(osc, phi + g, phi_dot + slope,
+                                   means if means is None else means[at])}
 
 
 def _event_columns(pair, recording, period, second):
