@@ -284,9 +284,11 @@ def _run(deck, out, threads, force, progress):
     if outcome.reused:
         print(f"{deck.title}: results of the same values are there already, reused: "
               f"{outcome.folder}")
+        _say_findings(outcome.findings)
         return OK
     what = "stopped; what is finished lies in" if outcome.interrupted else "done, results in"
     print(f"{deck.title}: {what} {outcome.folder}")
+    _say_findings(outcome.findings)
     for line in outcome.headlines:
         print(f"  {line}")
     for study in outcome.failed:
@@ -302,7 +304,8 @@ def _run(deck, out, threads, force, progress):
 
 def _critical(deck, threads, progress):
     """Search and print the critical values of one deck; returns its exit code."""
-    from lapwing.report.critical import critical_text
+    from lapwing.report.answers import findings
+    from lapwing.report.critical import critical_table, critical_text
     from lapwing.studies.critical_of_deck import critical_study
 
     if not deck.criticals:
@@ -319,9 +322,19 @@ def _critical(deck, threads, progress):
         return _refused(error, f"{deck.title}: ")
     finally:
         progress.close()
-    print(f"# {deck.title}\n\n" + "\n".join(critical_text(found)))
+    print(f"# {deck.title}\n")
+    _say_findings(findings((), found, ()))
+    print("\n".join(["", *critical_table(found), "", *critical_text(found)]))
     failed = any("trial_failed" in one and int(one["trial_failed"].sum()) for one in found)
     return FAILED if failed else OK
+
+
+def _say_findings(found):
+    """The findings, ahead of everything else."""
+    from lapwing.report.answers import on_console
+
+    if found:
+        print(on_console(found))
 
 
 def _telling(title, what):

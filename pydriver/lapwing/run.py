@@ -55,6 +55,7 @@ class Outcome:
     failed : tuple of str, studies in which some run failed numerically
     undrawn : dict of name -> str, figures that could not be drawn, and why
     refused : bool, whether disk or memory is to blame for one of them
+    findings : tuple of str, what the run found, as the summary begins
     headlines : tuple of str, the main result of each study
     notes : tuple of str, what was found damaged and done again, and what was taken over
     """
@@ -65,6 +66,7 @@ class Outcome:
     failed: tuple = ()
     undrawn: dict = field(default_factory=dict)
     refused: bool = False
+    findings: tuple = ()
     headlines: tuple = ()
     notes: tuple = ()
 
@@ -232,11 +234,12 @@ class _Run:
     def carry_out(self, force):
         """Reuse, draw again, or compute; the `Outcome`."""
         from lapwing.plots.crew import Crew
+        from lapwing.report.answers import told_in
         from lapwing.studies.of_deck import compute
 
         known = {} if force else self._known()
         if known is None:
-            return Outcome(self.folder, reused=True)
+            return Outcome(self.folder, reused=True, findings=told_in(_read(self.folder / SUMMARY)))
         estimates.require_disk(self.deck, self.folder)
         with Crew(self.threads) as crew:
             found = compute(self.deck, self.threads, self.report, known)
@@ -285,6 +288,7 @@ class _Run:
     def _publish(self, found, crew):
         """Write everything aside and publish it."""
         from lapwing.plots import FORMATS
+        from lapwing.report.answers import told_in
         from lapwing.report.headlines import headlines
         from lapwing.results import engine_digest
         from lapwing.studies.of_deck import studies_of
@@ -301,6 +305,7 @@ class _Run:
             try:
                 with held():
                     variables = self._write(found, staging.path)
+                    told = told_in(_read(staging.path / SUMMARY))
             except KeyboardInterrupt:
                 stopped = True  # raised at the end of the block: the files are whole
             if not stopped:
@@ -326,7 +331,7 @@ class _Run:
         missing = [(kind, name) for kind, name in studies_of(self.deck)
                    if name not in getattr(found, kind + "s")]
         return Outcome(folder, interrupted=not drawn, failed=found.failed(), undrawn=undrawn,
-                       refused=refused, notes=tuple(self.notes),
+                       refused=refused, findings=told, notes=tuple(self.notes),
                        headlines=headlines([*found.responses.values()], found.criticals,
                                            found.sweeps, missing))
 
