@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from lapwing.cli import BAD_INPUT, FAILED, INTERRUPTED, OK, app
 from lapwing.deck import load_deck
 from lapwing.exit_codes import ExitCode
+from lapwing.report.answers import on_console, told_in
 from lapwing.results import read_results
 
 INPUTS = Path(__file__).parents[1] / "inputs"
@@ -77,6 +78,17 @@ def test_same_values_are_reused(finished):
     again = call("run", deck, "--out", out)
     assert again.exit_code == OK and "reused" in again.output
     assert (out / "small" / "result.nc").stat().st_mtime_ns == before
+
+
+def test_the_findings_head_summary_and_console(finished):
+    deck, out, first = finished
+    summary = (out / "small" / "summary.md").read_text(encoding="utf-8")
+    assert summary.splitlines()[2] == "## Findings"
+    said = on_console(told_in(summary))
+    assert "Separation was" in said or "The teeth" in said
+    again = call("run", deck, "--out", out)
+    for output in (first.output, again.output):
+        assert f"{out / 'small'}\n{said}\n" in output
 
 
 def test_other_values_are_refused_and_named(finished):
@@ -393,6 +405,8 @@ def test_critical_prints_and_writes_nothing(tmp_path):
     found = re.search(r"\*\*T_full = ([0-9.]+) N·m\*\*", result.output)
     assert 0 < float(found[1]) < 8
     assert "**none between 8.5 and 8 N·m**: no motion rattles" in result.output
+    head, findings = result.output.split("\n\n", 1)
+    assert head.endswith("# small") and findings.startswith("  - The teeth were not seen to part")
     assert [path.name for path in tmp_path.iterdir()] == ["small.nml"]
 
 

@@ -13,13 +13,16 @@ import numpy as np
 from lapwing.arrivals import arrivals_in, per_cycle
 from lapwing.codes import Status
 from lapwing.findings import START_NAMES, known, names, rattles
-from lapwing.report.critical import REASONS, headline
+from lapwing.report.critical import REASONS
 from lapwing.report.evidence import failures, looks, together
-from lapwing.report.words import UNITS, parameter_words, plural
+from lapwing.report.limits import MOST, at_least, at_most, bands
+from lapwing.report.numbers import doubtful
+from lapwing.report.other_answers import besides
+from lapwing.report.words import UNITS, plural
 
 HEADING = "## Findings"
-# Digits told of a number that is not known to end earlier, and bands and responses told one by one.
-DIGITS, MOST = 4, 4
+# What to add to a deck, in its own words.
+SEARCH = "&critical, find = 'safe'"
 
 
 def findings(responses, criticals, sweeps, missing=()):
@@ -35,8 +38,11 @@ def findings(responses, criticals, sweeps, missing=()):
     list of str, each a sentence or two in Markdown
     """
     stopped = _stopped(sweeps, missing)
-    known_ = [*_Torque(responses, criticals, sweeps).sentences(), *_besides(criticals, sweeps)]
-    return stopped + (known_ or ["**Nothing is known**: no run has a result."])
+    torque = _Torque(responses, criticals, sweeps)
+    answers = [*torque.sentences(), *besides(criticals, sweeps)]
+    if not answers:
+        return [*stopped, "**Nothing is known**: no run has a result."]
+    return [*stopped, *answers, *torque.failures()]
 
 
 def findings_lines(found):
@@ -63,33 +69,10 @@ def on_console(found, width=100):
     """The sentences without Markdown, wrapped, as one text."""
     import textwrap
 
-    plain = (sentence.replace("**", "").replace("`", "'") for sentence in found)
+    plain = (sentence.replace("**", "").replace("`", "") for sentence in found)
     return "\n".join(textwrap.fill(
         sentence, width, initial_indent="  - ", subsequent_indent="    ",
         break_long_words=False, break_on_hyphens=False) for sentence in plain)
-
-
-def at_least(value, step=0.0):
-    """A lower limit in words, rounded up: to four digits, or to what a bracket leaves."""
-    return _rounded(value, math.ceil, step)
-
-
-def at_most(value, step=0.0):
-    """An upper limit in words, rounded down likewise."""
-    return _rounded(value, math.floor, step)
-
-
-def _rounded(value, towards, step):
-    if value == 0 or not math.isfinite(value):
-        return f"{value:g}"
-    places = DIGITS - 1 - math.floor(math.log10(abs(value)))
-    if step > 0:
-        places = math.ceil(-math.log10(step) - 1e-9)
-    unit = 10.0 ** -places
-    # What is a multiple of the unit but for rounding stays.
-    whole = round(value / unit) if abs(value / unit - round(value / unit)) < 1e-6 \
-        else towards(value / unit)
-    return f"{whole * unit:.{max(places, 0)}f}" if places > 0 else f"{whole * unit:.10g}"
 
 
 def _stopped(sweeps, missing):
@@ -130,6 +113,12 @@ class _Torque:
             self._back_sentence(), self._separation_sentence(), self._kept_sentence(),
             self._between_sentence(), self._choice_sentence(), self._coast_sentence()) if sentence]
 
+    def failures(self):
+        """What is not covered, where anything else is known."""
+        lost = failures([*self.looks, *self.coast])
+        return [f"**{plural(lost, 'motion')} failed numerically**: what they would have shown is "
+                "not covered."] if lost else []
+
     def _at(self, values, what="looked at"):
         """Such values in words: 'at 12 N·m', 'at the 5 torques looked at, 12 to 14 N·m'."""
         if len(values) == 1:
@@ -142,7 +131,7 @@ class _Torque:
             return ""
         if seen.last is None:
             return (f"**No {word}s** were seen {self._at(seen.values)}, in "
-                    f"{seen.cycles.sum():,} mesh cycles{self._rate(None)}.")
+                    f"{_cycles(seen.cycles.sum())}{self._rate(None)}.")
         head = f"**{word.capitalize()}s** were last seen at {seen.last:g} {self.unit}"
         above = seen.above(seen.last)
         if not above.values.size:
@@ -154,7 +143,7 @@ class _Torque:
                      f"{plural(below.values.size, 'torque')} looked at below it there were none "
                      "either.")
         return (f"{head}: none {self._at(above.values, 'looked at above it')}, in "
-                f"{above.cycles.sum():,} mesh cycles{self._rate(seen.last)}.{bands}")
+                f"{_cycles(above.cycles.sum())}{self._rate(seen.last)}.{bands}")
 
     def _rate(self, last):
         """The limit of the rate of back impacts beyond the last one, where one is known."""
@@ -195,9 +184,17 @@ class _Torque:
                 attrs = search.attrs
                 return tried, (f"each from rest and {plural(attrs['n_starts'] - 1, 'other start')},"
                                f" followed for {attrs['settle'] + attrs['record']} mesh cycles")
-        starts = [str(start) for sweep in self.sweeps for start in sweep["start"].values]
-        words = names(dict.fromkeys(starts)) if starts else "by the responses alone"
-        return quiet, words
+        return quiet, self._how(quiet)
+
+    def _how(self, values):
+        """From which starts the motions at all of some values came, or that it is not the same."""
+        from_ = {one.how: set(one.values[one.motions > 0]) for one in self.looks
+                 if one.rattling is not None}
+        every = [how for how in from_ if how in START_NAMES and set(values) <= from_[how]]
+        if every:
+            return names(every)
+        return "by the responses alone" if set(from_) == {"response"} \
+            else "not from the same starts at each"
 
     def _last_rattling(self):
         """The greatest torque with rattling, to the digits that the step to a quiet one leaves."""
@@ -249,7 +246,8 @@ class _Torque:
         if beyond.seen.any():
             return (f"{head}, but from there to {self._last_rattling()} {self.unit} rattling was "
                     "seen as well: the start decides.")
-        return f"{head}; no other motion was seen above it."
+        return f"{head}; no other motion was seen above it" \
+            + ", but some failed numerically" * bool(beyond.failed.any()) + "."
 
     def _between_sentence(self):
         """What happens between the last back impact and the last separation."""
@@ -296,7 +294,8 @@ class _Torque:
         parts = []
         for one in there[:MOST]:
             period = one["period"]
-            motion = f"period {period}" if period else "no period"
+            motion = f"period {period}" if period else "no period found"
+            motion += ", which the second run does not confirm" * doubtful(one)
             parts.append(f"at {one['brake_torque']:g} {self.unit} "
                          f"{_count(one['impacts_per_cycle'], self.law.word)} per mesh cycle, "
                          f"{1e6 * one['deepest_separation']:.4g} µrad of separation ({motion})")
@@ -307,23 +306,21 @@ class _Torque:
         """The least torque to choose, and what would change it."""
         seen = self.rattling
         value = self.kept[2] if self.kept and self.kept[1] == "found" else math.nan
-        lost = failures(self.looks)
-        failed = f" {plural(lost, 'motion')} failed numerically and are not covered." \
-            if lost else ""
         quiet = self._quiet()[0] if seen.values.size else np.zeros(0)
         quiet = quiet[~(quiet < value)]
         if not quiet.size:
             if not math.isfinite(value):
-                return "**Which torque to choose is not answered**: look at higher ones." + failed \
-                    if seen.values.size else failed.strip()
-            return (f"**So choose more than {at_least(value)} {self.unit}**, but how much more is "
-                    "not answered: a search for T_safe (`&critical`, `find = 'safe'`) that begins "
-                    "above it would say." + failed)
+                return "**Which torque to choose is not answered**: look at higher ones." \
+                    if seen.values.size else ""
+            least = value if seen.last is None else max(value, seen.last)
+            return (f"**So choose more than {at_least(least)} {self.unit}**, but how much more is "
+                    f"not answered: a search for T_safe ({SEARCH}) that begins above it would say.")
         step = quiet[0] - seen.last if seen.last is not None else 0.0
         least = max(quiet[0], value) if math.isfinite(value) else quiet[0]
-        search = self._search() is not None
-        head = f"**So choose at least {at_least(least, step)} {self.unit}**" \
-            + " (T_safe)" * search + ", and a margin"
+        search = self._search()
+        label = "" if search is None else " (T_safe)" if seen.last is not None \
+            else ", the lowest torque searched"
+        head = f"**So choose at least {at_least(least, step)} {self.unit}**{label}, and a margin"
         margin = ""
         if math.isfinite(value) and value > 0 and self.laws.get("balanced", 0):
             margin = (f": 10 % more transmission error raises T_full to {at_least(1.1 * value)} "
@@ -332,9 +329,9 @@ class _Torque:
         if self.laws.get("contact_law") == "restitution" and "impact_law" in self.laws:
             doubts.append(f"another impact law than `{self.laws['impact_law']}`")
         doubt = ", ".join(doubts[:-1]) + f" or {doubts[-1]}"
-        few = "" if search else (" Few starts were tried: a search for T_safe (`&critical`, "
-                                 "`find = 'safe'`) tries more.")
-        return f"{head}{margin}; {doubt} may move it.{few}{failed}"
+        few = "" if search is not None else \
+            f" Few starts were tried: a search for T_safe ({SEARCH}) tries more."
+        return f"{head}{margin}; {doubt} may move it.{few}"
 
     def _coast_sentence(self):
         seen = together(self.coast, "rattling")
@@ -349,62 +346,10 @@ class _Torque:
                 f"{bands(seen.values, ~seen.seen)} {self.unit}.")
 
 
+def _cycles(number):
+    return f"{number:,} mesh cycle" + "s" * bool(number != 1)
+
+
 def _count(number, word):
     """A number of impacts to three digits, in words."""
     return plural(float(f"{number:.3g}"), word)
-
-
-def bands(values, flags):
-    """Runs of values at which something holds: '1, 2–3 …'; of many the first and the last."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
-    runs = [f"{values[a]:g}" if b - a == 1 else f"{values[a]:g}–{values[b - 1]:g}"
-            for a, b in edges.reshape(-1, 2)]
-    return ", ".join(runs if len(runs) <= MOST else [*runs[:MOST // 2], "…", *runs[-MOST // 2:]])
-
-
-def _besides(criticals, sweeps):
-    """Critical values and sweeps along other parameters, in one sentence each."""
-    said = []
-    for one in criticals:
-        attrs = one.attrs
-        if attrs["parameter"] == "brake_torque" and not int(attrs.get("own_operation", 0)) \
-                and attrs.get("safe_end", "high") == "high":
-            continue
-        at = f"at {attrs['brake_torque']:g} N·m " if "brake_torque" in attrs else ""
-        if attrs["find"] == "full" and attrs["outcome"] == "found":
-            value, unit = attrs["estimate"], UNITS.get(attrs["parameter"], "")
-            limit = ("from", at_least(value)) if attrs.get("safe_end", "high") == "high" \
-                else ("up to", at_most(value))
-            said.append(f"{at}contact can be kept {limit[0]} a "
-                        f"{parameter_words(attrs['parameter'])} of {limit[1]} {unit}".rstrip())
-        else:
-            said.append(f"{at}(`{attrs['name']}`) {headline(one)}")
-    said = ["**Besides**: " + "; ".join(said) + "."] if said else []
-    along = [_along(one, sweeps) for one in sweeps if one["status"].dims[1] != "brake_torque"]
-    return said + [sentence for sentence in along if sentence]
-
-
-def _along(sweep, sweeps):
-    """Where the teeth part, and strike the coast flank, along another parameter."""
-    parameter = sweep["status"].dims[1]
-    unit, law = UNITS.get(parameter, ""), arrivals_in(sweep.attrs)
-    found = looks((), (), [sweep], parameter)
-    parting, back = (together(found, what) for what in ("rattling", "back"))
-    if not parting.values.size:
-        return ""
-    at = f", at {sweep.attrs['brake_torque']:g} N·m" if "brake_torque" in sweep.attrs else ""
-    text = f"**Along the {parameter_words(parameter)}** ({_span(parting.values, unit)}{at}) the " \
-           "teeth "
-    text += "part everywhere" if parting.seen.all() else "were not seen to part" \
-        if not parting.seen.any() else f"part at {bands(parting.values, parting.seen)} {unit}, " \
-        f"not at {bands(parting.values, ~parting.seen)} {unit}".replace(" ,", ",").rstrip()
-    text += f"; back {law.word}s " + (f"at {bands(back.values, back.seen)} {unit}".rstrip()
-                                      if back.seen.any() else "were not seen")
-    lost = failures(found)
-    return text + f"; {plural(lost, 'run')} failed" * bool(lost) + "."
-
-
-def _span(values, unit):
-    if values.size == 1:
-        return f"{values[0]:g} {unit}".rstrip()
-    return f"{values.size} values, {values[0]:g} to {values[-1]:g} {unit}".rstrip()

@@ -21,7 +21,7 @@ class Look(NamedTuple):
     rattling : array (n,) of bool, whether a motion was anything but engaged; None: not looked at
     back : array (n,) of bool, whether a motion met the coast flank; None: not looked at
     cycles : array (n,), mesh cycles examined, of all motions together
-    study : 'search', 'sweep' or 'response'
+    how : str, 'search', 'response' or the start of a sweep
     """
 
     values: np.ndarray
@@ -30,7 +30,7 @@ class Look(NamedTuple):
     rattling: np.ndarray | None
     back: np.ndarray | None
     cycles: np.ndarray
-    study: str
+    how: str
 
 
 class Seen(NamedTuple):
@@ -152,7 +152,7 @@ def _of_branch(branch, flank):
         others = ("impacts", "engages")
     met = done & (branch[others[0]] + branch[others[1]] > 0).any("recorded_cycle").values
     return Look(branch[branch["status"].dims[0]].values, done.astype(int), lost.astype(int),
-                rattling, met, done * branch.sizes["recorded_cycle"], "sweep")
+                rattling, met, done * branch.sizes["recorded_cycle"], str(branch["start"].values))
 
 
 def _of_response(attrs, flank):
