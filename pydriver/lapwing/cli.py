@@ -107,10 +107,12 @@ def check(decks: Decks, setting: Settings = []):  # noqa: B006
     Example:
       lapwing check decks/*.nml
     """  # noqa: D301
+    from lapwing.deck.magnitudes import magnitudes
+
     loaded, code = _load(decks, setting)
     for deck in loaded:
         print(f"{deck.path}: good; {_studies(deck)}; {_derived(deck)}"
-              + estimates.stated(deck))
+              + estimates.stated(deck) + f"\n  {magnitudes(deck)}")
     raise typer.Exit(code)
 
 

@@ -216,10 +216,10 @@ class _GroupReader:
                 self._report.add(self.key_places[last],
                                  f"{' and '.join(given)} are {both} given; "
                                  f"expected one of {', '.join(names)}")
-            elif model.needed and not any(map(self._mentioned, names)):
+            elif model.needed and not any(map(self.mentioned, names)):
                 self._report.add(self.place, f"&{self.name} lacks one of {', '.join(names)}")
 
-    def _mentioned(self, key):
+    def mentioned(self, key):
         """Whether a key is given, or meant by something that is refused already."""
         unknown = [name for name in self.key_places if name not in self._fields]
         stray = [value.text.lower() for values in self._values.values() for value in values
