@@ -8,6 +8,7 @@ from dataclasses import replace
 from lapwing.deck import schema
 from lapwing.deck.critical_checks import build_critical
 from lapwing.deck.deck import Deck, Response, Sweep
+from lapwing.deck.hints import of_parameters
 from lapwing.deck.magnitudes import warn_of_order, warn_of_torques, warn_of_units
 from lapwing.deck.problems import Place, nearest
 from lapwing.deck.ranges import range_values
@@ -315,8 +316,9 @@ class Studies:
         place = reader.places.get("parameter", reader.place)
         if bare not in known or group not in ("", known[bare]):
             full = [*known, *(f"{group}.{key}" for key, group in known.items())]
+            hint = of_parameters(name) or nearest(name, full if group else known)
             self._report.add(place, f"parameter = {name!r} is no real number of &gear_pair or "
-                                    f"&operation; {nearest(name, full if group else known)}")
+                                    f"&operation; {hint}")
             return None
         for reader_name, model in {**self._models, reader.name: reader}.items():
             for names in schema.GROUPS[reader_name].exclusive:

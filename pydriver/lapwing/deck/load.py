@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from lapwing.deck import checks, schema
+from lapwing.deck import checks, hints, schema
 from lapwing.deck.parser import Entry, Group, excess_of, lex_value, parse, read_deck
 from lapwing.deck.problems import DeckError, Place, Report, nearest
 from lapwing.deck.values import (
@@ -159,7 +159,8 @@ class _GroupReader:
         if entry.key not in self._fields:
             homes = [name for name, group in schema.GROUPS.items()
                      if entry.key in schema.fields(group)]
-            hint = f"it belongs to &{homes[0]}" if homes else nearest(entry.key, self._fields)
+            hint = hints.of_key(entry.key, self._fields) or (
+                f"it belongs to &{homes[0]}" if homes else nearest(entry.key, self._fields))
             self._report.add(entry.place, f"unknown key {cut(entry.key)} in &{self.name}; {hint}")
             return
         values = read_values(entry, self._report)
@@ -192,7 +193,8 @@ class _GroupReader:
             text = f"{key} = {cut(first)} {cut(rest)}: {_after_number(first, rest, kind)}"
         else:
             text = (f"{key} = {source}: several values, expected {kind.expected}"
-                    + f"; write {whole} if thousands are meant" * bool(whole))
+                    + f"; write {whole} if thousands are meant" * bool(whole)
+                    + f"; {hints.of_parameters(',')}" * (key == "parameter"))
         self._report.add(place, text)
 
     def _warn_of_commas(self, key, values, kind):
@@ -273,6 +275,8 @@ def _quoted(value, kind):
 
 def _remark(value, kind):
     """A guess at what was meant."""
+    if hints.of_quotes(value.text):
+        return hints.of_quotes(value.text)
     if kind.kind is str and isinstance(value.value, Bare | bool):
         return f"text goes in quotes: '{cut(value.text)}'"
     if kind.choices and isinstance(value.value, str):
