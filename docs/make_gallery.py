@@ -23,12 +23,16 @@ DECKS = {
     "smooth_1500rpm": "A smooth transmission error of three harmonics at 1500 rpm: coexisting "
                       "motions.",
     "kinked_480rpm": "The textbook parabola with one kink at 480 rpm.",
+    "speed_compliant": "The same smooth transmission error without restitution, over the speed: "
+                       "the classical resonance of gear rattle.",
     "minimal": "The shortest deck.",
 }
 FIGURES = {
     "orbit_diagram": "Orbit diagram: strobed displacement, impact speeds, impacts per cycle and "
                      "period against the braking torque, from rest, upwards and downwards.",
     "deepest_separation": "Deepest separation against the braking torque.",
+    "amplitudes": "Rms and peak to peak of dynamic transmission error and displacement, mean and "
+                  "peak mesh force.",
     "staircase": "Impacts per cycle as a staircase, with a strip of classes.",
     "exponents": "Largest Lyapunov exponent and larger Floquet multiplier under the orbit diagram.",
     "impact_speed_density": "How often impacts of which speed happen.",

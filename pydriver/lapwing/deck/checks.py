@@ -307,7 +307,8 @@ class Studies:
                      operation=operation, starts=starts, rtol=self.rtol(reader),
                      settle_cycles=keys.settle_cycles, record_cycles=keys.record_cycles,
                      impacts=keys.impacts, speed_density=keys.speed_density,
-                     order_spectra=keys.order_spectra, exponents=keys.exponents)
+                     order_spectra=keys.order_spectra, exponents=keys.exponents,
+                     amplitudes=keys.amplitudes)
 
     def parameter(self, reader, name):
         """Group of the parameter varied, or None."""

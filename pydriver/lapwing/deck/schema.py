@@ -219,6 +219,9 @@ class SweepKeys(ValueKeys):
     record_cycles: int = key(100, "mesh cycles recorded at every value", ge=1, le=100_000)
     impacts: bool = key(True, "whether phase and speed of every impact are kept")
     order_spectra: bool = key(False, "whether order spectra are made, for a waterfall of them")
+    amplitudes: bool = key(False, "whether rms and peak to peak of φ and of the dynamic "
+                           "transmission error, and mean and peak mesh force are found, for a "
+                           "figure of them against the parameter")
     speed_density: bool = key(False, "whether impacts of every speed are counted, for a figure of "
                               "their density")
     exponents: bool = key(False, "whether Lyapunov exponents are found, and Floquet multipliers "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lapwing.arrivals import arrivals_in
+from lapwing.report.amplitudes import greatest
 from lapwing.report.critical import headline
 from lapwing.report.evidence import failures, looks, together
 from lapwing.report.limits import at_least, at_most, bands
@@ -56,6 +57,9 @@ def _along(sweep):
         f"not at {bands(parting.values, ~parting.seen)} {unit}".replace(" ,", ",").rstrip()
     text += f"; back {law.word}s " + (f"at {bands(back.values, back.seen)} {unit}".rstrip()
                                       if back.seen.any() else "were not seen")
+    moved = greatest(sweep, "dynamic_te_rms", 1e6, "µrad", unit) if "dynamic_te_rms" in sweep \
+        else ""
+    text += f"; the dynamic transmission error has its greatest rms, {moved}" * bool(moved)
     lost = failures(found)
     return text + f"; {plural(lost, 'run')} failed" * bool(lost) + "."
 

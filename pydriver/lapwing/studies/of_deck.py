@@ -139,7 +139,8 @@ def _sweep(deck, study, threads, done):
     from lapwing.studies.sweep import sweep
 
     observe = ("cycles", *["impacts"] * study.impacts, *["exponents"] * study.exponents,
-               *["speeds"] * study.speed_density, *["spectra"] * study.order_spectra)
+               *["speeds"] * study.speed_density, *["spectra"] * study.order_spectra,
+               *["amplitudes"] * study.amplitudes)
     result = sweep(
         deck.gear_pair, deck.te, parameter=study.parameter, values=study.values,
         starts=study.starts, settle=study.settle_cycles, record=study.record_cycles,

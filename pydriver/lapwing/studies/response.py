@@ -17,7 +17,7 @@ from lapwing import arguments, engine, estimates
 from lapwing.arguments import MAX_INT, Refusals
 from lapwing.arrivals import arrivals_of
 from lapwing.codes import EventKind, MotionState, Status
-from lapwing.engine import CYCLE_NAMES, Numerics, TrajectoryCall, Wanted
+from lapwing.engine import CYCLE_NAMES, Numerics
 from lapwing.studies import motion
 from lapwing.studies.intervals import mean_interval
 from lapwing.studies.mesh_force import (
@@ -27,6 +27,7 @@ from lapwing.studies.mesh_force import (
     sample_phases,
 )
 from lapwing.studies.period import MAX_PERIOD, find_period, motion_class
+from lapwing.studies.recording import Recording, recorded
 from lapwing.studies.sweep import LABELS
 from lapwing.studies.trajectory import checked_start, engine_start
 
@@ -108,8 +109,8 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
     other = max(rtol / 100, TIGHTEST_RTOL) if rtol >= 10 * TIGHTEST_RTOL else 100 * rtol
     numerics = Numerics(method=method, rtol=rtol, **tolerances)
     main, reference = (
-        _Outcome.of(osc, pair, _record(osc, (*engine_start(osc, start), phase), span, grid,
-                                       one, exponents), max_period)
+        _Outcome.of(osc, pair, recorded(osc, (*engine_start(osc, start), phase), span, grid,
+                                         one, exponents), max_period)
         for one in (numerics, Numerics(method="rk4", rtol=other, **tolerances)))
     settings = {
         "name": name, "order": order,
@@ -139,53 +140,10 @@ def _check(phase, **whole):
 
 
 @dataclass(frozen=True)
-class _Recording:
-    """Log (n, 6), cycles (record, 17), samples (record·grid + 1, 3) and the phases sampled.
-
-    Cycles are counted from the first recorded one; the last sample is the end of the last cycle.
-    """
-
-    status: Status
-    grid: np.ndarray
-    log: np.ndarray
-    cycles: np.ndarray
-    samples: np.ndarray
-    tangent: np.ndarray | None = None
-
-
-def _record(osc, start, span, grid, numerics, exponents=False):
-    """Settle and record.
-
-    The cycle before the first recorded one is watched already, for an impact counts with the
-    whole flight before it; and one cycle more is run, for the state at which the last one ends.
-    """
-    first, record = span
-    watched, blob, status = max(0, first - 1), None, Status.OK
-    if watched:
-        call = TrajectoryCall(osc, start, numerics=numerics, wanted=Wanted())
-        status = call.run((watched, 0.0), []).status
-        start, blob = (engine.GO_ON, 0, 0, 0), call.blob
-    times = np.column_stack([np.repeat(first + np.arange(record), grid.size),
-                             np.tile(grid * osc.period, record)])
-    if status == Status.OK:
-        call = TrajectoryCall(osc, start, blob, watched, numerics=numerics,
-                              wanted=Wanted(events=True, cycles=True, tangent=exponents))
-        call.run((first + record + 1, 0.0), np.vstack([times, (first + record, 0.0)]))
-        status = call.status
-    if status != Status.OK:
-        return _Recording(status, grid, np.zeros((0, 6)), np.full((record, 17), np.nan),
-                          np.full((len(times) + 1, 3), np.nan))
-    log, cycles = call.log - first * np.eye(6)[1], call.cycles - first * np.eye(17)[0]
-    kept = [(table[:, i] >= 0) & (table[:, i] < record) for table, i in ((log, 1), (cycles, 0))]
-    return _Recording(status, grid, log[kept[0]], cycles[kept[1]], call.samples,
-                      call.tangent[kept[1]] if exponents else None)
-
-
-@dataclass(frozen=True)
 class _Outcome:
     """A recording, its statistics by cycle (dict of (record,) arrays), period and class."""
 
-    recording: _Recording
+    recording: Recording
     by_cycle: dict
     period: int
     motion_class: str
