@@ -54,7 +54,7 @@ def finished(tmp_path_factory):
     """One deck, run once."""
     folder = tmp_path_factory.mktemp("run")
     deck = write_deck(folder)
-    result = call("run", deck, "--out", folder / "results", "--threads", 1)
+    result = call("run", deck, "--out", folder / "results", "--threads", 1, "--figures", "all")
     assert result.exit_code == OK, result.output
     return deck, folder / "results", result
 
@@ -78,6 +78,29 @@ def test_same_values_are_reused(finished):
     again = call("run", deck, "--out", out)
     assert again.exit_code == OK and "reused" in again.output
     assert (out / "small" / "result.nc").stat().st_mtime_ns == before
+
+
+def test_figures_are_drawn_in_the_formats_asked_for(tmp_path):
+    deck, out = write_deck(tmp_path, torque=6), tmp_path / "out"
+
+    def formats(*words):
+        result = call("run", deck, "--out", out, "--threads", 1, *words)
+        assert result.exit_code == OK, result.output
+        names = {path.name for path in (out / "small").iterdir()}
+        assert {"result.nc", "summary.md", "used.nml", "manifest.json"} <= names
+        return "reused" in result.output, {name[-3:] for name in names if name.startswith("te_")}
+
+    assert formats("--figures", "none") == (False, set())
+    before = (out / "small" / "result.nc").read_bytes()
+    assert formats("--figures", "none") == (True, set())
+    assert formats() == (False, {"png"})  # the default; nothing is computed again
+    assert formats("--figures", "all") == (False, {"png", "pdf"})
+    assert formats() == formats("--figures", "none") == (True, {"png", "pdf"})
+    # What was drawn once is kept up with the rest.
+    (out / "small" / "te_curve.pdf").unlink()
+    assert formats() == (False, {"png", "pdf"})
+    assert (out / "small" / "result.nc").read_bytes() == before
+    assert call("run", deck, "--out", out, "--figures", "svg").exit_code == BAD_INPUT
 
 
 def test_the_findings_head_summary_and_console(finished):

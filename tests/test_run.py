@@ -36,7 +36,7 @@ def done(tmp_path_factory, two_figures):
     """A deck and an undisturbed run of it."""
     folder = tmp_path_factory.mktemp("done")
     deck = write_deck(folder)
-    run_deck(load_deck(deck), folder / "r", threads=1)
+    run_deck(load_deck(deck), folder / "r", threads=1, figures="all")
     return deck, folder / "r" / "small"
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import sys
+from enum import StrEnum
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
@@ -42,6 +43,14 @@ Exit codes, the worst of several decks:
 """ + "\n".join(f"  {code:3} {text}" for code, text in MEANINGS.items()))
 
 Decks = Annotated[list[Path], typer.Argument(metavar="DECK...", help="namelist decks")]
+
+
+class Figures(StrEnum):
+    """Formats of the figures of a run."""
+
+    NONE, PNG, ALL = "none", "png", "all"
+
+
 Settings = Annotated[list[str], typer.Option(
     "--set", metavar="GROUP.KEY=VALUE", help="override a key of the deck; may be repeated")]
 
@@ -65,7 +74,9 @@ def run(decks: Decks,
             min=0, help="threads; 0: OMP_NUM_THREADS, SLURM_CPUS_PER_TASK or all processors")] = 0,
         setting: Settings = [],  # noqa: B006 - typer copies it
         force: Annotated[bool, typer.Option(
-            "--force", help="replace results of other values")] = False):
+            "--force", help="replace results of other values")] = False,
+        figures: Annotated[Figures, typer.Option(
+            help="formats of the figures; all: PNG and PDF")] = Figures.PNG):
     """Run decks: DIR/<deck>/ gets result.nc, figures, summary.md and used.nml.
 
     \b
@@ -78,7 +89,7 @@ def run(decks: Decks,
 
     _refuse_equal_stems(decks)
     raise typer.Exit(_each(decks, setting, lambda deck, progress: _run(
-        deck, out, threads or default_threads(), force, progress)))
+        deck, out, threads or default_threads(), force, progress, figures.value)))
 
 
 @app.command()
@@ -264,13 +275,14 @@ def _refused(error, prefix="", path=None):
     return exit_codes.of_error(error)
 
 
-def _run(deck, out, threads, force, progress):
+def _run(deck, out, threads, force, progress, figures):
     """Run one deck and report; returns its exit code."""
     from lapwing.results.store import StoreError
     from lapwing.run import run_deck
 
     try:
-        outcome = run_deck(deck, out, threads=threads, force=force, progress=progress)
+        outcome = run_deck(deck, out, threads=threads, force=force, progress=progress,
+                           figures=figures)
     except StoreError as error:
         _complain(str(error))
         return BAD_INPUT
