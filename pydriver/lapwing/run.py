@@ -94,7 +94,7 @@ class _There:
         return self.manifest.state == COMPLETE if self.manifest else bool(self.known)
 
 
-def run_deck(deck, parent, *, threads, force=False, progress=None, figures="png"):
+def run_deck(deck, parent, *, threads, force=False, progress=None, figures="all"):
     """Run a deck into `parent`/<deck>.
 
     1. Take the folder's lock; clear what a run that was killed left beside it.
