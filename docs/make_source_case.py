@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from make_gallery import shrunk
 
-from lapwing.codes import SearchStage
+from lapwing.base.codes import SearchStage
 from lapwing.plots.critical_marks import label_of
 from lapwing.report.critical import decimals
 from lapwing.results import read_results

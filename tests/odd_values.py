@@ -16,10 +16,10 @@ import warnings
 import numpy as np
 
 import lapwing as lw
-from lapwing.codes import MotionState
+from lapwing.base.codes import MotionState
 from lapwing.engine import Numerics
+from lapwing.model.transmission_error_file import TransmissionErrorFileError
 from lapwing.studies.orbit import NoOrbit
-from lapwing.transmission_error_file import TransmissionErrorFileError
 
 MEMORY = 3 << 30
 ODD = {

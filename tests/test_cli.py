@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from lapwing.base.exit_codes import ExitCode
 from lapwing.cli import BAD_INPUT, FAILED, INTERRUPTED, OK, app
 from lapwing.deck import load_deck
-from lapwing.exit_codes import ExitCode
-from lapwing.report.answers import on_console, told_in
+from lapwing.report.answers.findings import on_console, told_in
 from lapwing.results import read_results
 
 INPUTS = Path(__file__).parents[1] / "inputs"
@@ -261,8 +261,8 @@ plots.RESPONSE_FIGURES, plots.SWEEP_FIGURES = ("impact_section",), ()
 sys.argv = ["lapwing", "run", {deck!r}, "--out", {out!r}, "--threads", "2"]
 main()
 """
-PLACES = {"lapwing.deck:load_deck": False, "lapwing.studies.response:response": False,
-          "lapwing.studies.sweep:sweep": True, "lapwing.results.file:store_checksums": True,
+PLACES = {"lapwing.deck:load_deck": False, "lapwing.studies.response.run:response": False,
+          "lapwing.studies.sweep.run:sweep": True, "lapwing.results.file:store_checksums": True,
           "lapwing.plots:draw_all": True, "lapwing.plots.crew:wait": True}
 
 
@@ -275,7 +275,8 @@ def signalled(tmp_path, where, signum):
     return deck, out, done
 
 
-EVERY_DAY = {("SIGINT", "lapwing.deck:load_deck"), ("SIGINT", "lapwing.studies.response:response"),
+EVERY_DAY = {("SIGINT", "lapwing.deck:load_deck"),
+             ("SIGINT", "lapwing.studies.response.run:response"),
              ("SIGINT", "lapwing.plots.crew:wait"), ("SIGTERM", "lapwing.plots:draw_all"),
              ("SIGUSR1", "lapwing.results.file:store_checksums")}
 
@@ -301,13 +302,13 @@ def test_a_signal_keeps_what_is_finished(tmp_path, where, signum, code, no_figur
 
 
 def test_the_points_of_a_sweep_that_are_finished_are_kept(tmp_path, no_figures, monkeypatch):
-    from lapwing import engine
+    from lapwing.engine import calls
 
-    original, calls = engine.api.sweep, []
+    original, made = calls.api.sweep, []
 
     def interrupted(*arguments):
-        calls.append(1)
-        if len(calls) == 3:
+        made.append(1)
+        if len(made) == 3:
             raise KeyboardInterrupt
         return original(*arguments)
 
@@ -317,9 +318,9 @@ def test_the_points_of_a_sweep_that_are_finished_are_kept(tmp_path, no_figures, 
         def __getattr__(self, name):
             return getattr(api, name)
 
-    api = engine.api
-    monkeypatch.setattr(engine, "api", Api())
-    monkeypatch.setattr(engine, "CALL_SECONDS", 1e-4)
+    api = calls.api
+    monkeypatch.setattr(calls, "api", Api())
+    monkeypatch.setattr(calls, "CALL_SECONDS", 1e-4)
     deck = write_deck(tmp_path, first=0.5, count=50, settle=2000)
     result = call("run", deck, "--out", tmp_path / "r", "--threads", 1)
     assert result.exit_code == INTERRUPTED

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from helpers import EPS, dataset_bytes, oscillator, scene_a, scene_c, scene_d
-from lapwing import Status, TransmissionError, engine, simulate
+from lapwing import Status, TransmissionError, simulate
+from lapwing.engine import calls
 
 CYCLES = 6
 RECORD = ("events", "cycles", "grazes")
@@ -108,24 +109,24 @@ def test_history_after_a_continuation(name):
 @pytest.mark.parametrize("name", SCENES)
 def test_full_log_and_deadline(name, monkeypatch):
     one = whole(name)
-    calls = []
-    compiled = engine.api.trajectory
+    made = []
+    compiled = calls.api.trajectory
 
     def counted(*arguments):
-        calls.append(None)
+        made.append(None)
         return compiled(*arguments)
 
     class Api:
         trajectory = staticmethod(counted)
 
-    monkeypatch.setattr(engine, "api", Api)
+    monkeypatch.setattr(calls, "api", Api)
     variants = {}
     for setting, value in (("LOG_ROOM", 66), ("CALL_SECONDS", 0.0)):
         with monkeypatch.context() as patch:
-            patch.setattr(engine, setting, value)
-            before = len(calls)
+            patch.setattr(calls, setting, value)
+            before = len(made)
             variants[setting] = whole(name)
-            variants[setting].calls = len(calls) - before
+            variants[setting].calls = len(made) - before
     for run in variants.values():
         assert dataset_bytes(run.events) == dataset_bytes(one.events)
         assert dataset_bytes(run.cycles) == dataset_bytes(one.cycles)

@@ -44,7 +44,7 @@ def child(tmp_path, place, signum):
 
 
 @pytest.mark.parametrize(("place", "signum", "code"), [
-    ("typer", "SIGINT", 130), ("lapwing.estimates", "SIGTERM", 75)])
+    ("typer", "SIGINT", 130), ("lapwing.base.estimates", "SIGTERM", 75)])
 def test_a_signal_while_modules_are_loaded(tmp_path, place, signum, code):
     done = child(tmp_path, place, signum)
     assert done.returncode == code and "good" not in done.stdout, done.stderr

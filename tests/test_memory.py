@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import lapwing
-from lapwing import engine
+from lapwing.engine import calls
 
 # A child process under a limit: its outcome, and the most memory it had, MB.
 CHILD = """
@@ -86,7 +86,7 @@ def test_a_graded_scene_moves_as_steps_do(te, ratio, xi):
     graded, stepped = (
         lapwing.simulate(osc, ("separation", -1e-4, 0.0), cycles=0.3, method=method, rtol=1e-12)
         for method in ("exact", "rk4"))
-    assert osc.period * max(1, 2 * xi) > engine.GRADED_SPAN
+    assert osc.period * max(1, 2 * xi) > calls.GRADED_SPAN
     assert graded.events.kind.values.tolist() == stepped.events.kind.values.tolist()
     # To the tolerance of the steps, and of time against the period.
     assert graded.events.tau.values == pytest.approx(stepped.events.tau.values, rel=1e-9, abs=1e-9)
@@ -114,18 +114,54 @@ print(run.status.name, *(lapwing.Status(one).name for one in swept.status.values
 
 
 @pytest.mark.parametrize(("room", "statuses"), [
-    (4, {"OUT_OF_MEMORY"}), (1000, {"OK", "TOO_MANY_EVENTS"})])
+    (4, {"OUT_OF_MEMORY", "OK"}), (1000, {"OK", "TOO_MANY_EVENTS"})])
 def test_no_memory_is_a_status(room, statuses):
     code = TIGHT.format(osc=stiff(2e-2, 50.0), room=room)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
                           check=False)
     assert done.returncode == 0, (done.returncode, done.stderr)
-    assert set(done.stdout.split()) <= statuses
+    said = set(done.stdout.split())
+    assert said <= statuses and ("OUT_OF_MEMORY" in said) == ("OUT_OF_MEMORY" in statuses)
+
+
+SECOND_POINT = """
+import resource
+from dataclasses import replace
+import lapwing
+from lapwing import engine
+from lapwing.engine import calls
+from lapwing._engine import api
+osc = {osc}
+
+class Tight:
+    @staticmethod
+    def sweep(*arguments):
+        lines, outcome = arguments[6], arguments[-1]
+        lines[4, 0], outcome[0, 0] = calls.LINE_DONE, lapwing.Status.OK
+        used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (used + (4 << 20), resource.RLIM_INFINITY))
+        return api.sweep(*arguments)
+
+calls.api = Tight
+result = engine.sweep(
+    [osc, replace(osc, force=2e-4)], [(0, 0, False), (1, 1, False)],
+    [(engine.REST, 0, 0, 0.0)] * 2, numerics=engine.Numerics(), wanted=engine.Wanted(),
+    settle=0, record=1, log_room=1, threads=1)
+print(*(lapwing.Status(int(status)).name for status in result.outcome["status"]))
+"""
+
+
+def test_points_that_are_finished_stay_so_where_memory_ends():
+    """A sweep is many calls: what one of them has no room for takes nothing from those before."""
+    done = subprocess.run([sys.executable, "-c", SECOND_POINT.format(osc=stiff(6e-3, 50.0))],
+                          capture_output=True, text=True, check=False)
+    assert done.returncode == 0, (done.returncode, done.stderr)
+    assert done.stdout.split() == ["OK", "OUT_OF_MEMORY"]
 
 
 def test_extrema_search_few_pieces(monkeypatch):
     """Of a series of order 200 and of a smooth table: where its bounds pass all knots."""
-    from lapwing import transmission_error
+    from lapwing.model import transmission_error
 
     calls, original = [], transmission_error.stationary_points
     monkeypatch.setattr(transmission_error, "stationary_points",
@@ -139,7 +175,7 @@ def test_extrema_search_few_pieces(monkeypatch):
 def test_extrema_are_those_of_every_piece(seed):
     from numpy.polynomial import polynomial as power
 
-    from lapwing.transmission_error import stationary_points
+    from lapwing.model.transmission_error import stationary_points
     from random_scenes import transmission_error
 
     te = transmission_error(np.random.default_rng(seed), 41)

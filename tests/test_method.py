@@ -9,7 +9,7 @@ import lapwing
 from helpers import EPS, FLAT, PAIR, SHIPPED, dataset_bytes, events, oscillator, scene_a, scene_d
 from lapwing import EventKind, Status, TransmissionError, engine, simulate
 from lapwing.deck.schema import NumericsKeys
-from lapwing.engine import REST, Numerics, Wanted
+from lapwing.engine import REST, Numerics, Wanted, calls
 
 COSINE = TransmissionError.harmonic([1.0])
 PARABOLA = TransmissionError.parabola(1.0)
@@ -147,7 +147,7 @@ def test_points_that_share_an_oscillator_are_as_points_of_their_own(scene):
         numerics=Numerics(method="exact"), wanted=Wanted(cycles=True, strobe=True, impacts=True),
         settle=10, record=8, log_room=500, threads=1) for points in (shared, own)]
     n = len(shared)
-    for name in ("outcome", "cycles", "log"):
+    for name in ("outcome", "cycles", "events"):
         both = [np.asarray(getattr(result, name))[:n] for result in results]
         assert both[0].tobytes() == both[1].tobytes(), name
     assert not np.array_equal(results[1].cycles[n], results[1].cycles[0])
@@ -183,6 +183,6 @@ def test_chatter_tol_left_out_is_what_the_deck_says(method, rtol, default):
     assert "1e-13 in closed form, min(rtol, 1e-10) with rk4" in said
     osc = scene_a(5.5, "relative")
     left_out, written, other = (
-        engine._real_parameters(osc, Numerics(method=method, rtol=rtol, **chosen), method, Wanted())
+        calls._real_parameters(osc, Numerics(method=method, rtol=rtol, **chosen), method, Wanted())
         for chosen in ({}, {"chatter_tol": default}, {"chatter_tol": 3e-5}))
     assert left_out == written != other

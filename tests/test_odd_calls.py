@@ -97,7 +97,7 @@ from dataclasses import replace
 resource.setrlimit(resource.RLIMIT_AS, (3 << 30, 3 << 30))
 sys.path.insert(0, {here!r})
 import lapwing
-from lapwing.arguments import LEAST, MAX_INT, MOST
+from lapwing.base.arguments import LEAST, MAX_INT, MOST
 from odd_values import OSC, PAIR, TE
 for key, value in {extremes}:
     if key.endswith("teeth"):

@@ -39,7 +39,7 @@ def test_same_bytes(scene, method):
         one, other = getattr(copied, field.name), getattr(computed, field.name)
         if isinstance(one, np.ndarray):
             assert one.tobytes() == other.tobytes(), field.name
-    assert np.all(copied.outcome[:, 0] == 0)
+    assert np.all(copied.outcome["status"] == 0)
 
 
 def test_log_in_portions():

@@ -325,7 +325,7 @@ def interrupted_run(deck, out, monkeypatch, **options):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr("lapwing.studies.sweep.sweep", stop)
+        patch.setattr("lapwing.studies.sweep.run.sweep", stop)
         return run_deck(load_deck(deck, options.pop("overrides", ())), out, threads=1, **options)
 
 
@@ -342,7 +342,7 @@ def test_an_interrupted_run_goes_on_where_it_stopped(done, tmp_path, two_figures
     assert f"before all studies of the deck were finished. No result: sweep `{name}`." in said
     assert outcome.headlines[-1] == f"{name}: not finished, no result"
     with monkeypatch.context() as patch:
-        patch.setattr("lapwing.studies.response.response", None)  # is not computed again
+        patch.setattr("lapwing.studies.response.run.response", None)  # is not computed again
         outcome = run_deck(load_deck(done[0]), out, threads=1)
     assert not outcome.interrupted and "1 finished study taken over" in outcome.notes[0]
     assert checksums(out / "small" / "result.nc") == checksums(done[1] / "result.nc")
@@ -373,7 +373,7 @@ def test_a_signal_while_drawing_keeps_the_results(done, tmp_path, two_figures, m
     with read_results(out / "small" / "result.nc") as results:
         assert not results.interrupted
     with monkeypatch.context() as patch:
-        for study in ("response.response", "sweep.sweep"):
+        for study in ("response.run.response", "sweep.run.sweep"):
             patch.setattr(f"lapwing.studies.{study}", None)
         assert not run_deck(load_deck(done[0]), out, threads=1).interrupted
     assert contents(out / "small").keys() == contents(done[1]).keys()
@@ -432,7 +432,7 @@ def test_figures_without_room_are_named_and_the_numbers_kept(done, tmp_path, two
     manifest = Manifest.read(folder)
     assert manifest.state == "incomplete" and not manifest.damaged(folder)
     with monkeypatch.context() as patch:
-        for study in ("response.response", "sweep.sweep"):
+        for study in ("response.run.response", "sweep.run.sweep"):
             patch.setattr(f"lapwing.studies.{study}", None)
         assert call("run", done[0], "--out", folder.parent, *ALL).exit_code == OK
     found = contents(folder)

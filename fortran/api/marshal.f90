@@ -1,6 +1,7 @@
 !> Between the flat arrays of the API and the engine's types.
 module lapwing_api_marshal
   use, intrinsic :: iso_c_binding, only: c_double, c_int
+  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use lapwing_kinds, only: wp
   use lapwing_codes, only: separation, engagement, back_engagement, no_flank, drive_flank, &
       coast_flank, method_rk4, method_exact, law_restitution, law_compliant, law_rigid, &
@@ -11,8 +12,8 @@ module lapwing_api_marshal
   use lapwing_flow_exact_oscillation, only: damped
   use lapwing_flow, only: flow_t, work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
-  use lapwing_run_method, only: make_system, make_flow, has_room
-  use lapwing_system_oscillator, only: oscillator_t
+  use lapwing_run_method, only: make_flow
+  use lapwing_system_oscillator, only: oscillator_t, make_oscillator
   use lapwing_system_parameters, only: parameters_t
   use lapwing_polynomial_evaluation, only: max_degree
   use lapwing_observers_records, only: recorder_t, start_recording, log_columns, cycle_columns, &
@@ -22,7 +23,7 @@ module lapwing_api_marshal
   use lapwing_run_checkpoint, only: blob_size, work_size, pack_blob, unpack_blob
   use lapwing_run_sweep, only: sweep_t, line_t, sweep_lines, prepare_sweep, stage_done
   use lapwing_observers_tangent, only: tangent_columns
-  use lapwing_flank_table, only: te_table_t, te_table, expand_at, locate_piece
+  use lapwing_flank_table, only: te_table_t, make_table, expand_at, locate_piece
   implicit none
   private
   public :: all_sizes, all_codes, evaluate, go_on_with_trajectory, go_on_with_sweep
@@ -58,14 +59,28 @@ contains
     real(c_double), intent(in) :: t(:)                 !! times
     real(c_double), intent(out) :: g(:, :)             !! (3, n)
     type(te_table_t) :: table
+    logical, allocatable :: slopes_jump(:)
     real(wp) :: local(0:max_degree)
-    integer :: i
-    table = te_table(knots, coefficients, kinks == 1, scale, period, 0.0_wp)
+    integer :: i, error
+    g = ieee_value(g, ieee_quiet_nan)
+    call take_kinks(kinks, slopes_jump, error)
+    if (error == 0) call make_table(knots, coefficients, slopes_jump, scale, period, 0.0_wp, &
+        table, error)
+    if (error /= 0) return
     do i = 1, size(t)
       call expand_at(table, locate_piece(table, t(i), 1), t(i), local)
       g(:, i) = [local(0), local(1), 2*local(2)]
     end do
   end subroutine evaluate
+
+  !> Kinks as the engine has them.
+  subroutine take_kinks(kinks, slopes_jump, error)
+    integer(c_int), intent(in) :: kinks(:)                     !! 1: slope jump
+    logical, allocatable, intent(out) :: slopes_jump(:)        !! the same
+    integer, intent(out) :: error                              !! 0, or there is no memory for them
+    allocate (slopes_jump(size(kinks)), stat=error)
+    if (error == 0) slopes_jump(:) = kinks == 1
+  end subroutine take_kinks
 
   pure function parameters_from(reals, choices) result(p)
     real(c_double), intent(in) :: reals(:)        !! (n_reals)
@@ -132,23 +147,25 @@ contains
     real(c_double), intent(inout), target, contiguous :: cycles(:, :)       !! (17, room)
     real(c_double), intent(inout), target, contiguous :: tangent(:, :)      !! (13, room)
     real(c_double), intent(out) :: done(8)                          !! how far it came
-    type(oscillator_t) :: system
+    type(oscillator_t), target :: system
     class(flow_t), allocatable :: flow
+    logical, allocatable :: slopes_jump(:)
     type(numerics_t) :: numerics
     type(hybrid_state_t) :: state
     type(recorder_t) :: recorder
     type(work_t) :: work
     real(wp) :: phi, phi_dot
-    integer :: status
+    integer :: status, error
     numerics = numerics_from(reals, choices)
     done = 0
-    if (.not. has_room(numerics%method, parameters_from(reals, choices), knots, series, 1)) then
+    call take_kinks(kinks, slopes_jump, error)
+    if (error == 0) call make_oscillator(parameters_from(reals, choices), knots, coefficients, &
+        slopes_jump, series, system, error)
+    if (error == 0) call make_flow(numerics%method, system, flow, error)
+    if (error /= 0) then
       done(1) = status_out_of_memory
       return
     end if
-    call make_system(parameters_from(reals, choices), knots, coefficients, kinks == 1, series, &
-        system)
-    call make_flow(numerics%method, system, flow)
     recorder = recorder_from(reals, choices)
     if (start(1) > -1.5_wp) then
       state%instant = start_as_told(system, start)
@@ -173,22 +190,13 @@ contains
         state%instant%t, real(state%instant%motion_state, wp), phi, phi_dot]
   end subroutine go_on_with_trajectory
 
-  !> Parameters that take as much memory as any point: the slowest mesh, the fastest damper.
-  pure function largest(reals)
-    real(c_double), intent(in) :: reals(:, :)     !! (n_reals, n_points)
-    real(c_double) :: largest(n_reals)
-    largest = reals(:, 1)
-    largest(2) = minval(reals(2, :))
-    largest(5) = maxval(reals(5, :))
-  end function largest
-
   !> See `api`.
   subroutine go_on_with_sweep(knots, coefficients, kinks, series, reals, choices, lines, starts, &
       seconds, n_threads, blobs, cycles, tangent, density, log, outcome)
-    real(c_double), intent(in) :: knots(:)                          !! mesh phase
-    real(c_double), intent(in) :: coefficients(:, :)                !! (6, n)
+    real(c_double), intent(in), target :: knots(:)  !! mesh phase
+    real(c_double), intent(in), target :: coefficients(:, :)  !! (6, n)
     integer(c_int), intent(in) :: kinks(:)                          !! 1: slope jump
-    real(c_double), intent(in) :: series(:, :)                      !! (3, terms), order -1: none
+    real(c_double), intent(in), target :: series(:, :)  !! (3, terms), order -1: none
     real(c_double), intent(in) :: reals(:, :)                       !! (n_reals, n_points)
     integer(c_int), intent(in) :: choices(:)                        !! (n_choices)
     integer(c_int), intent(inout) :: lines(:, :)                    !! (5, n_lines)
@@ -203,15 +211,11 @@ contains
     real(c_double), intent(inout), target, contiguous :: outcome(:, :)     !! (columns, points)
     type(sweep_t) :: sweep
     type(line_t), allocatable :: line(:)
+    logical, allocatable, target :: slopes_jump(:)
     integer :: i, error
     allocate (sweep%point(size(reals, 2)), stat=error)
     if (error == 0) allocate (line(size(lines, 2)), stat=error)
-    if (error == 0) then
-      ! One for each thread and the one they begin with.
-      sweep%numerics = numerics_from(reals(:, 1), choices)
-      if (.not. has_room(sweep%numerics%method, parameters_from(largest(reals), choices), knots, &
-          series, n_threads + 1)) error = 1
-    end if
+    if (error == 0) call take_kinks(kinks, slopes_jump, error)
     if (error /= 0) then
       where (outcome(1, :) == status_unfinished) outcome(1, :) = status_out_of_memory
       lines(5, :) = stage_done
@@ -220,10 +224,11 @@ contains
     do i = 1, size(reals, 2)
       sweep%point(i) = parameters_from(reals(:, i), choices)
     end do
-    sweep%knots = knots
-    sweep%coefficients = coefficients
-    sweep%kinks = kinks == 1
-    sweep%series = series
+    sweep%numerics = numerics_from(reals(:, 1), choices)
+    sweep%knots => knots
+    sweep%coefficients(0:, 1:) => coefficients
+    sweep%kinks => slopes_jump
+    sweep%series => series
     sweep%recorder = recorder_from(reals(:, 1), choices)
     sweep%settle = choices(12)
     sweep%record = choices(13)

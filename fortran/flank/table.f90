@@ -4,8 +4,8 @@ module lapwing_flank_table
   use lapwing_polynomial_evaluation, only: max_degree, taylor_shift, value_and_slope, bernstein_on
   implicit none
   private
-  public :: te_table_t, te_table, find_jumps, locate_piece, piece_at, expand_at, flank_motion_at, &
-      lower_bound
+  public :: te_table_t, make_table, find_jumps, locate_piece, piece_at, expand_at, &
+      flank_motion_at, lower_bound
 
   !> g(t) = sum_k coefficient(k,i) (t - knot(i))**k for knot(i) <= t < knot(i+1), t in [0, period).
   type :: te_table_t
@@ -25,28 +25,37 @@ module lapwing_flank_table
 contains
 
   !> Scale a table over mesh phase to the time and angle of an oscillator.
-  pure function te_table(knots, coefficients, kinks, scale, period, felt_curvature_jump) &
-      result(table)
+  pure subroutine make_table(knots, coefficients, kinks, scale, period, felt_curvature_jump, &
+      table, error)
     real(wp), intent(in) :: knots(:)             !! (n + 1) mesh phase, 0 to 1
     real(wp), intent(in) :: coefficients(0:, :)  !! (0:5, n) rad per mesh period**k
     logical, intent(in) :: kinks(:)              !! (n) slope jump at knots(i)
     real(wp), intent(in) :: scale                !! from transmission error to g, +i12 or -i12
     real(wp), intent(in) :: period               !! mesh period in tau
     real(wp), intent(in) :: felt_curvature_jump  !! smallest jump of g'' at which steps must end
-    type(te_table_t) :: table
+    type(te_table_t), intent(out) :: table       !! the table
+    integer, intent(out) :: error                !! 0, or there is no memory for it
     integer :: n, i, k
     n = size(kinks)
     table%n = n
-    table%knot = knots*period
-    allocate (table%coefficient(0:max_degree, n))
+    allocate (table%knot(n + 1), stat=error)
+    if (error == 0) allocate (table%coefficient(0:max_degree, n), stat=error)
+    if (error == 0) allocate (table%kink(n + 1), stat=error)
+    if (error == 0) allocate (table%slope_jump(n + 1), stat=error)
+    if (error == 0) allocate (table%before_cell(0:n), stat=error)
+    if (error == 0) allocate (table%next_kink(n), stat=error)
+    if (error == 0) allocate (table%next_felt(n), stat=error)
+    if (error /= 0) return
     do i = 1, n
+      table%knot(i) = knots(i)*period
+      table%kink(i) = kinks(i)
       do k = 0, max_degree
         table%coefficient(k, i) = scale*coefficients(k, i)/period**k
       end do
     end do
-    table%kink = [kinks, kinks(1)]
+    table%knot(n + 1) = knots(n + 1)*period
+    table%kink(n + 1) = kinks(1)
     table%cells_per_tau = n/period
-    allocate (table%before_cell(0:n))
     ! Knots in earlier cells, by counting those of each cell.
     table%before_cell = 0
     do i = 1, n
@@ -58,7 +67,7 @@ contains
     end do
     table%push = greatest_push(table)
     call find_jumps(table, felt_curvature_jump)
-  end function te_table
+  end subroutine make_table
 
   !> Greatest g'' and -g'' that the pieces can have, by their Bernstein coefficients.
   pure function greatest_push(table) result(push)
@@ -82,9 +91,6 @@ contains
     real(wp), intent(in) :: felt_curvature_jump    !! rad per tau**2
     real(wp) :: before(0:max_degree), curvature_jump
     integer :: i, left, kink_after, felt_after
-    if (.not. allocated(table%slope_jump)) then
-      allocate (table%slope_jump(table%n + 1), table%next_kink(table%n), table%next_felt(table%n))
-    end if
     kink_after = table%n + 1
     felt_after = table%n + 1
     do i = table%n, 1, -1

@@ -55,7 +55,7 @@ module lapwing_flow
   end type listener_t
 
   type, abstract :: flow_t
-    logical :: takes_steps = .false.     !! whether every arc needs its frame
+    logical :: takes_steps = .true.      !! whether every arc needs its frame
   contains
     procedure(open_i), deferred :: open
     procedure(advance_i), deferred :: advance

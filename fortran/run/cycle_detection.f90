@@ -73,9 +73,20 @@ contains
     type(hybrid_state_t), intent(in) :: state        !! state at its beginning
     type(recorder_t), intent(in) :: recorder         !! what is recorded
     type(work_t), intent(in) :: work                 !! counts
+    integer :: error
     if (.not. allocated(self%blob)) allocate (self%blob(blob_size))
     call pack_blob(state, recorder%sums, work, self%blob)
-    if (associated(recorder%density%counts)) self%counts = recorder%density%counts
+    if (associated(recorder%density%counts)) then
+      if (.not. allocated(self%counts)) then
+        allocate (self%counts(size(recorder%density%counts)), stat=error)
+        if (error /= 0) then
+          ! Without room to remember the round is computed, not written again.
+          self%round = 0
+          return
+        end if
+      end if
+      self%counts(:) = recorder%density%counts
+    end if
     self%work = work
     self%cycle = state%instant%cycle
     self%n_log = recorder%sums%n_log

@@ -5,12 +5,12 @@
 !> and where a call is cut, changes no bit of any result.
 module lapwing_run_sweep
   use lapwing_kinds, only: wp, int64
-  use lapwing_codes, only: status_ok, status_unfinished
+  use lapwing_codes, only: status_ok, status_unfinished, status_out_of_memory
   use lapwing_flow_exact_oscillation, only: damped
   use lapwing_flow, only: flow_t, work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
-  use lapwing_run_method, only: make_system, make_flow
-  use lapwing_system_oscillator, only: oscillator_t
+  use lapwing_run_method, only: make_flow
+  use lapwing_system_oscillator, only: oscillator_t, make_oscillator
   use lapwing_system_parameters, only: parameters_t
   use lapwing_observers_records, only: recorder_t, start_recording
   use lapwing_run, only: run_to
@@ -27,12 +27,11 @@ module lapwing_run_sweep
   !> What every point of a sweep has in common, and where results go.
   type :: sweep_t
     type(parameters_t), allocatable :: point(:)                    !! (n_points)
-    type(oscillator_t), allocatable :: first                       !! of the first point, where
-    class(flow_t), allocatable :: first_flow                       !! the others differ in force
-    real(wp), allocatable :: knots(:)                              !! table, see `oscillator`
-    real(wp), allocatable :: coefficients(:, :)                    !! table
-    logical, allocatable :: kinks(:)                               !! table
-    real(wp), allocatable :: series(:, :)                          !! or series
+    logical :: one_scene = .false.                                 !! points differ in force only
+    real(wp), pointer :: knots(:) => null()                        !! table, see `oscillator`
+    real(wp), pointer :: coefficients(:, :) => null()              !! table
+    logical, pointer :: kinks(:) => null()                         !! table
+    real(wp), pointer :: series(:, :) => null()                    !! or series
     type(numerics_t) :: numerics                                   !! tolerances and bounds
     type(recorder_t) :: recorder                                   !! what is wanted of each point
     integer :: settle = 0                                          !! cycles before recording
@@ -58,17 +57,15 @@ module lapwing_run_sweep
 
 contains
 
-  !> What the points share is made once.
+  !> Find out what the points share.
   subroutine prepare_sweep(sweep)
     type(sweep_t), intent(inout) :: sweep            !! the sweep, its points known
     integer :: i
+    sweep%one_scene = .false.
     do i = 2, size(sweep%point)
       if (.not. differ_in_force_only(sweep%point(1), sweep%point(i))) return
     end do
-    allocate (sweep%first)
-    call make_system(sweep%point(1), sweep%knots, sweep%coefficients, sweep%kinks, sweep%series, &
-        sweep%first)
-    call make_flow(sweep%numerics%method, sweep%first, sweep%first_flow)
+    sweep%one_scene = .true.
   end subroutine prepare_sweep
 
   !> Go on with every line until it is done or the deadline has come.
@@ -89,7 +86,7 @@ contains
     type(line_t), intent(inout) :: lines(:)          !! its lines
     real(wp), intent(inout) :: blobs(:, :)           !! (blob_size, n_lines) runs under way
     integer(int64), intent(in) :: deadline           !! clock count at which to stop
-    type(oscillator_t), allocatable :: system
+    type(oscillator_t), target :: system
     class(flow_t), allocatable :: flow
     integer :: i
     !$omp do schedule(dynamic, 1)
@@ -106,15 +103,20 @@ contains
     type(line_t), intent(inout) :: line              !! the line
     real(wp), intent(inout) :: blob(:)               !! run under way
     integer(int64), intent(in) :: deadline           !! clock count at which to stop
-    type(oscillator_t), allocatable, intent(inout) :: system   !! made, or made new, for each point
-    class(flow_t), allocatable, intent(inout) :: flow          !! and its way to move
+    type(oscillator_t), intent(inout), target :: system        !! made, or made new, for each point
+    class(flow_t), allocatable, intent(inout) :: flow          !! and its way to move; none yet: not
+                                                               !! made
     type(hybrid_state_t) :: state
     type(recorder_t) :: recorder
     type(work_t) :: work
     real(wp) :: final(3, 1)
-    integer :: status
+    integer :: status, error
     do while (line%stage < stage_done)
-      call make_point(sweep, sweep%point(line%point), system, flow)
+      call make_point(sweep, sweep%point(line%point), system, flow, error)
+      if (error /= 0) then
+        call give_up(sweep, line)
+        return
+      end if
       recorder = sweep%recorder
       if (line%stage == stage_start) then
         call start_point(system, line, blob, state)
@@ -132,25 +134,36 @@ contains
     end do
   end subroutine go_on
 
-  !> The oscillator of a point and its way to move: its own, or the first one under another force.
-  subroutine make_point(sweep, point, system, flow)
+  !> The oscillator of a point and its way to move: made, or those before under another force.
+  subroutine make_point(sweep, point, system, flow, error)
     type(sweep_t), intent(in) :: sweep                         !! the sweep
     type(parameters_t), intent(in) :: point                    !! the point's parameters
-    type(oscillator_t), allocatable, intent(inout) :: system   !! another point's; then this one's
+    type(oscillator_t), intent(inout), target :: system        !! another point's; then this one's
     class(flow_t), allocatable, intent(inout) :: flow          !! the same
-    if (allocated(sweep%first)) then
-      if (.not. allocated(system)) then
-        allocate (system, source=sweep%first)
-        allocate (flow, source=sweep%first_flow)
-      end if
+    integer, intent(out) :: error                              !! 0, or there is no memory for them
+    error = 0
+    if (allocated(flow) .and. sweep%one_scene) then
       call system%change_force(point)
       call flow%change_force(point%force)
-    else
-      if (.not. allocated(system)) allocate (system)
-      call make_system(point, sweep%knots, sweep%coefficients, sweep%kinks, sweep%series, system)
-      call make_flow(sweep%numerics%method, system, flow)
+      return
     end if
+    if (allocated(flow)) deallocate (flow)
+    call make_oscillator(point, sweep%knots, sweep%coefficients, sweep%kinks, sweep%series, &
+        system, error)
+    if (error == 0) call make_flow(sweep%numerics%method, system, flow, error)
+    if (error /= 0 .and. allocated(flow)) deallocate (flow)
   end subroutine make_point
+
+  !> There is no memory for a line: its points that are not finished stay so.
+  subroutine give_up(sweep, line)
+    type(sweep_t), intent(in) :: sweep               !! the sweep
+    type(line_t), intent(inout) :: line              !! the line
+    integer :: i
+    do i = line%point, line%last, sign(1, line%last - line%first)
+      sweep%outcome(1, i) = status_out_of_memory
+    end do
+    line%stage = stage_done
+  end subroutine give_up
 
   !> Whether two points differ in nothing but their force.
   pure logical function differ_in_force_only(one, other) result(same)

@@ -3,12 +3,13 @@
 module lapwing_system_frames
   use lapwing_kinds, only: wp
   use lapwing_codes, only: drive_flank, coast_flank
-  use lapwing_polynomial_evaluation, only: max_degree, value_and_slope
-  use lapwing_system, only: instant_t, frame_t
+  use lapwing_polynomial_evaluation, only: max_degree, value_and_slope, taylor_shift
+  use lapwing_system, only: instant_t, frame_t, motion_t, dense_degree
   use lapwing_flank_table, only: te_table_t, piece_at, expand_at
   implicit none
   private
-  public :: open_on_piece, open_in_contact, frame_about, move_to, flank_in_frame, flank_over_step
+  public :: open_on_piece, open_in_contact, distance_in_frame
+  public :: frame_about, move_to, flank_in_frame, flank_over_step
 
   !> Over so many pieces a frame is moved one by one, which keeps the relative precision of a small
   !> bounce across a knot. One that takes longer is larger than the rounding of the table.
@@ -206,4 +207,23 @@ contains
       slope = slope - frame%origin_rate
     end if
   end subroutine flank_over_step
+
+  !> Distance to a flank over a frame's piece, about its beginning.
+  pure subroutine distance_in_frame(frame, flank, motion, c)
+    type(frame_t), intent(in) :: frame                     !! frame
+    integer, intent(in) :: flank                           !! drive_flank or coast_flank
+    type(motion_t), intent(in) :: motion                   !! step as a polynomial
+    real(wp), intent(out) :: c(0:max_degree)               !! coefficients in s - piece_begin
+    real(wp) :: position(0:dense_degree), inverse, power
+    integer :: k
+    inverse = 1/motion%h
+    power = 1
+    do k = 0, dense_degree
+      position(k) = motion%dense(k, 1)*power
+      power = power*inverse
+    end do
+    if (frame%piece_begin > 0) call taylor_shift(position, frame%piece_begin)
+    c = frame%flank(:, flank) - position
+    if (flank == coast_flank) c = -c
+  end subroutine distance_in_frame
 end module lapwing_system_frames

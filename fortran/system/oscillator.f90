@@ -11,18 +11,18 @@ module lapwing_system_oscillator
   use lapwing_flank_series, only: harmonic_series_t, harmonic_series, expand_series, series_at, &
       bound_derivative
   use lapwing_system_clearance, only: stays_inside
-  use lapwing_system_frames, only: open_on_piece, open_in_contact, frame_about
+  use lapwing_system_frames, only: open_on_piece, open_in_contact, frame_about, &
+      distance_in_frame
   use lapwing_system_flight_leaps, only: leap_over_pieces
   use lapwing_system_parameters, only: parameters_t, natural_angle, felt_jump
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, taylor_shift
   use lapwing_system_spring_stages, only: drive, drive_over_step, spring_stages, flight_stages
-  use lapwing_system, only: system_t, instant_t, frame_t, motion_t, step_t, max_states, &
-      dense_degree
-  use lapwing_flank_table, only: te_table_t, te_table, find_jumps, locate_piece, expand_at, &
+  use lapwing_system, only: system_t, instant_t, frame_t, motion_t, step_t, max_states
+  use lapwing_flank_table, only: te_table_t, make_table, find_jumps, locate_piece, expand_at, &
       flank_motion_at
   implicit none
   private
-  public :: oscillator_t, oscillator
+  public :: oscillator_t, make_oscillator
 
   type, extends(system_t) :: oscillator_t
     type(te_table_t) :: table             !! g over one mesh period
@@ -36,24 +36,23 @@ module lapwing_system_oscillator
     logical :: coast_moves = .true.       !! whether the coast flank moves with g
     logical :: alike = .true.             !! whether all flanks there are move with g
   contains
-    procedure :: flank_motion, change_force
-    procedure :: open_frame, next_piece, derivatives, gap, contact, commit, pressing
-    procedure :: rebound, sums_chatter, launch, pass_knot, scales, observe
-    procedure :: begins_clear, limit_step, flank_velocity
-    procedure :: stages, stay, leap
+    procedure :: flank_motion, change_force, open_frame, next_piece, derivatives, gap, contact
+    procedure :: commit, pressing, rebound, sums_chatter, launch, pass_knot, scales, observe
+    procedure :: begins_clear, limit_step, flank_velocity, stages, stay, leap
   end type oscillator_t
 
 contains
 
   !> Oscillator from its parameters and its transmission error over mesh phase.
-  function oscillator(parameters, knots, coefficients, kinks, series) result(self)
+  subroutine make_oscillator(parameters, knots, coefficients, kinks, series, self, error)
     type(parameters_t), intent(in) :: parameters  !! dimensionless parameters
     real(wp), intent(in) :: knots(:)              !! (n + 1) mesh phase, 0 to 1
     real(wp), intent(in) :: coefficients(0:, :)   !! (0:5, n) rad per mesh period**k
     logical, intent(in) :: kinks(:)               !! (n) slope jump at knots(i)
-    real(wp), intent(in), optional :: series(:, :)   !! (3, terms), first order -1: none
-    type(oscillator_t) :: self
-    real(wp), parameter :: two_pi = 8*atan(1.0_wp)
+    real(wp), intent(in) :: series(:, :)          !! (3, terms), first order -1: none
+    type(oscillator_t), intent(out) :: self       !! oscillator
+    integer, intent(out) :: error                 !! 0, or there is no memory for it
+    real(wp), parameter :: two_pi = 8*atan(1.0_wp), no_motion(0:max_degree, 1) = 0
     associate (p => parameters)
       self%n_states = 2
       self%n_flanks = merge(1, 2, p%gap == gap_one_flank)
@@ -66,13 +65,19 @@ contains
       self%absolute = p%impact_law == law_absolute
       self%coast_moves = p%back_flank_te
       self%alike = self%n_flanks == 1 .or. self%coast_moves
-      self%table = te_table(knots, coefficients, kinks, p%flank_scale, self%period, felt_jump(p))
-      if (present(series)) self%harmonic = series(1, 1) >= 0
-      if (self%harmonic) self%series = harmonic_series(series, p%flank_scale, &
-          p%mesh_frequency_ratio)
+      self%harmonic = series(1, 1) >= 0
+      if (self%harmonic) then
+        self%series = harmonic_series(series, p%flank_scale, p%mesh_frequency_ratio)
+        call make_table([0.0_wp, 1.0_wp], no_motion, [.false.], p%flank_scale, self%period, &
+            felt_jump(p), self%table, error)
+      else
+        call make_table(knots, coefficients, kinks, p%flank_scale, self%period, felt_jump(p), &
+            self%table, error)
+      end if
+      if (error /= 0) return
       call set_force(self, p)
     end associate
-  end function oscillator
+  end subroutine make_oscillator
 
   !> The force, and the scales that hang on it.
   pure subroutine set_force(self, p)
@@ -93,8 +98,7 @@ contains
     call find_jumps(self%table, felt_jump(parameters))
   end subroutine change_force
 
-  !> Open the Galilean frame of the flank last touched. A series has its Taylor polynomials as
-  !> flanks, which are good at the beginning only.
+  !> The Galilean frame of the flank last touched. Taylor polynomials stand for a series there.
   pure subroutine open_frame(self, instant, frame)
     class(oscillator_t), intent(in) :: self
     type(instant_t), intent(in) :: instant       !! where it opens
@@ -230,7 +234,7 @@ contains
         frame%chart == drive_flank .or. self%coast_moves, frame, s) - z(1)) - self%damping*z(2)
   end subroutine derivatives
 
-  !> The stages of `stages_by_dispatch` written out for a parabola and for a damped spring.
+  !> What `stages_by_dispatch` does, for a parabola and a damped spring.
   subroutine stages(self, frame, motion_state, h, z, dense, step)
     class(oscillator_t), intent(in) :: self
     type(frame_t), intent(in) :: frame             !! frame as opened
@@ -256,17 +260,7 @@ contains
     integer, intent(in) :: flank                 !! drive_flank or coast_flank
     type(motion_t), intent(in) :: motion         !! step as a polynomial
     real(wp), intent(out) :: c(0:max_degree)     !! coefficients in s - piece_begin
-    real(wp) :: position(0:dense_degree), inverse, power
-    integer :: k
-    inverse = 1/motion%h
-    power = 1
-    do k = 0, dense_degree
-      position(k) = motion%dense(k, 1)*power
-      power = power*inverse
-    end do
-    if (frame%piece_begin > 0) call taylor_shift(position, frame%piece_begin)
-    c = frame%flank(:, flank) - position
-    if (flank == coast_flank) c = -c
+    call distance_in_frame(frame, flank, motion, c)
   end subroutine gap
 
   !> Distance and approach velocity to a flank at s within the frame's piece.

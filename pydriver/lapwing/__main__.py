@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import sys
 
-from lapwing import console, exit_codes, signals
+from lapwing import console
+from lapwing.base import exit_codes, signals
 
 
 def main():

@@ -16,8 +16,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import typer
 
-from lapwing import estimates, exit_codes, signals
-from lapwing.exit_codes import MEANINGS, ExitCode
+from lapwing.base import estimates, exit_codes, signals
+from lapwing.base.exit_codes import MEANINGS, ExitCode
 
 OK, FAILED, BAD_INPUT, SURROUNDINGS, INTERRUPTED = (
     ExitCode.GOOD, ExitCode.FAILED, ExitCode.BAD_INPUT, ExitCode.SURROUNDINGS,
@@ -85,7 +85,7 @@ def run(decks: Decks,
       lapwing run a.nml b.nml --out study --threads 4
       lapwing run a.nml --set operation.pinion_speed_rpm=300 --set sweep.to=20 --out fast
     """  # noqa: D301 - \b keeps click from wrapping the lines
-    from lapwing.threads import default_threads
+    from lapwing.base.threads import default_threads
 
     _refuse_equal_stems(decks)
     raise typer.Exit(_each(decks, setting, lambda deck, progress: _run(
@@ -104,7 +104,7 @@ def critical(decks: Decks,
     Example:
       lapwing critical inputs/critical_25x32.nml
     """  # noqa: D301
-    from lapwing.threads import default_threads
+    from lapwing.base.threads import default_threads
 
     raise typer.Exit(_each(decks, setting, lambda deck, progress: _critical(
         deck, threads or default_threads(), progress)))
@@ -118,7 +118,7 @@ def check(decks: Decks, setting: Settings = []):  # noqa: B006
     Example:
       lapwing check decks/*.nml
     """  # noqa: D301
-    from lapwing.deck.magnitudes import magnitudes
+    from lapwing.deck.checks.magnitudes import magnitudes
 
     loaded, code = _load(decks, setting)
     for deck in loaded:
@@ -168,10 +168,10 @@ def plot(files: Annotated[list[Path], typer.Argument(metavar="RESULT.nc...", hel
     Example:
       lapwing plot results/lapping_25x32/result.nc --out figures
     """  # noqa: D301
+    from lapwing.base.threads import default_threads
     from lapwing.plots import FigureError
     from lapwing.results.store import StoreError
     from lapwing.run import plot_file
-    from lapwing.threads import default_threads
 
     code = OK
     for file in files:
@@ -318,9 +318,9 @@ def _run(deck, out, threads, force, progress, figures):
 
 def _critical(deck, threads, progress):
     """Search and print the critical values of one deck; returns its exit code."""
-    from lapwing.report.answers import findings
+    from lapwing.report.answers.findings import findings
     from lapwing.report.critical import critical_table, critical_text
-    from lapwing.studies.critical_of_deck import critical_study
+    from lapwing.studies.critical.of_deck import critical_study
 
     if not deck.criticals:
         _complain(f"{deck.path}: no &critical in this deck")
@@ -345,7 +345,7 @@ def _critical(deck, threads, progress):
 
 def _say_findings(found):
     """The findings, ahead of everything else."""
-    from lapwing.report.answers import on_console
+    from lapwing.report.answers.findings import on_console
 
     if found:
         print(on_console(found))

@@ -7,7 +7,7 @@ import io
 import os
 import sys
 
-from lapwing.exit_codes import ExitCode
+from lapwing.base.exit_codes import ExitCode
 
 _STREAMS = ("stdout", "stderr")
 

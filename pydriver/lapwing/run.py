@@ -11,11 +11,13 @@ import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from lapwing import __version__, estimates
+from lapwing import __version__
+from lapwing.base import estimates
+from lapwing.base.messages import printable
+from lapwing.base.signals import held
 from lapwing.deck import DeckError, changed_keys, load_deck, used_hash, used_text
 from lapwing.deck.schema import SPEEDS
 from lapwing.deck.used import stored_hash
-from lapwing.messages import printable
 from lapwing.results.store import (
     COMPLETE,
     INCOMPLETE,
@@ -29,7 +31,6 @@ from lapwing.results.store import (
     probe,
     recover,
 )
-from lapwing.signals import held
 
 RESULT_FILE = "result.nc"
 USED_DECK = "used.nml"
@@ -241,7 +242,7 @@ class _Run:
     def carry_out(self, force):
         """Reuse, draw again, or compute; the `Outcome`."""
         from lapwing.plots.crew import Crew
-        from lapwing.report.answers import told_in
+        from lapwing.report.answers.findings import told_in
         from lapwing.studies.of_deck import compute
 
         known = {} if force else self._known()
@@ -295,7 +296,7 @@ class _Run:
     def _publish(self, found, crew):
         """Write everything aside and publish it."""
         from lapwing.plots import FORMATS
-        from lapwing.report.answers import told_in
+        from lapwing.report.answers.findings import told_in
         from lapwing.report.headlines import headlines
         from lapwing.results import engine_digest
         from lapwing.studies.of_deck import studies_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lapwing.codes import EventKind, Flank
+from lapwing.base.codes import EventKind, Flank
 
 SEPARATION, DRIVE, COAST = 0, int(Flank.DRIVE), int(Flank.COAST)
 ARRIVALS = (EventKind.IMPACT, EventKind.BACK_IMPACT, EventKind.ENGAGE, EventKind.BACK_ENGAGE)

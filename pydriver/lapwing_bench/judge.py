@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lapwing.codes import EventKind
+from lapwing.base.codes import EventKind
 from lapwing_bench.closest_approach import closest_approach, depth_beyond
 
 INITIAL_CHANGE = 1e-15

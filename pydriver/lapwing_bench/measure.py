@@ -125,8 +125,8 @@ def _measure_own(scene, setting, plan):
             if cycles == SHORT or reference.calm:
                 _enter(row, i, horizon, judge(outcome, reference, problem(oscillators[i]), cycles,
                                               setting.tolerance))
-    row["events_per_cycle"][:] = result.outcome[:, 1] / LONG
-    room = int(result.outcome[:, 1].max()) + ours.SPARE_ROOM
+    row["events_per_cycle"][:] = result.outcome["logged"] / LONG
+    room = int(result.outcome["logged"].max()) + ours.SPARE_ROOM
     options = {"room": room, "repeats": plan.repeats}
     row["microseconds"][:] = 1e6 / LONG * ours.cpu_times(oscillators, setting, LONG, **options)
     if setting.method == "exact" or setting.tolerance == STUDY_TOLERANCE:

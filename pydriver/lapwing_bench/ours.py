@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lapwing import engine
-from lapwing.codes import EventKind, Status
+from lapwing.base.codes import EventKind, Status
 from lapwing.engine import Numerics, Wanted
 from lapwing_bench.outcome import Outcome
 
@@ -67,13 +67,14 @@ def run(oscillators, setting, cycles, *, room=AMPLE_ROOM):
 def outcomes(result, oscillators):
     """One `Outcome` for each oscillator of a sweep."""
     found = []
-    for osc, log, end in zip(oscillators, result.log, result.outcome, strict=True):
-        rows = log[:int(end[1])]
-        rows = rows[rows[:, 0] != EventKind.KINK]
-        status = Status(int(end[0]))
+    for osc, log, end in zip(oscillators, result.events, result.outcome, strict=True):
+        rows = log[:int(end["logged"])]
+        rows = rows[rows["kind"] != EventKind.KINK]
+        status = Status(int(end["status"]))
         found.append(Outcome(
-            rows[:, 0].astype(int), rows[:, 1] + rows[:, 2] / osc.period, rows[:, 5],
-            (int(end[2]), float(end[3]), float(end[4])),
+            rows["kind"].astype(int), rows["cycle"] + rows["t"] / osc.period,
+            rows["velocity_after"],
+            (int(end["motion_state"]), float(end["phi"]), float(end["phi_dot"])),
             "" if status == Status.OK else status.name.lower()))
     return found
 

@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from lapwing.gear_pair import GearPair
-from lapwing.transmission_error import TransmissionError
+from lapwing.model.gear_pair import GearPair
+from lapwing.model.transmission_error import TransmissionError
 
 PAIR = GearPair(pinion_teeth=25, gear_teeth=32, pinion_inertia=0.0078, gear_inertia=0.026,
                 pinion_base_lever=0.034, mesh_stiffness=3.12e8, backlash=0.002,

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from lapwing.deck import DeckError, load_deck
-from lapwing.deck.magnitudes import BANDS, CURVE, magnitudes, outside
+from lapwing.deck.checks.magnitudes import BANDS, CURVE, magnitudes, outside
 
 INPUTS = Path(__file__).parents[2] / "inputs"
 SHIPPED = sorted(INPUTS.glob("*.nml"))

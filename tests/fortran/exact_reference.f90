@@ -2,12 +2,12 @@
 !> series of the differential equation itself, of order 30, in quadruple precision.
 module exact_reference
   use, intrinsic :: iso_fortran_env, only: qp => real128
-  use lapwing_flow_exact_response, only: closed_form, most_panels
+  use lapwing_flow_exact_response, only: make_closed_form, most_panels
   use lapwing_flank_series, only: harmonic_series_t, harmonic_series
   use lapwing_kinds, only: wp
   use lapwing_polynomial_evaluation, only: max_degree
   use lapwing_flow_exact_motion, only: scene_t
-  use lapwing_flank_table, only: te_table
+  use lapwing_flank_table, only: make_table
   implicit none
   private
   public :: qp, seed, uniform, chance, pick, random_table, random_series, table_scene, series_scene
@@ -100,12 +100,13 @@ contains
     integer, intent(in), optional :: most         !! panels before it is graded
     type(scene_t) :: scene
     type(harmonic_series_t) :: none
-    integer :: panels
+    integer :: panels, error
     panels = most_panels
     if (present(most)) panels = most
     scene%force = force
-    scene%table = te_table(knots, coefficients, kinks, 1.0_wp, period, 0.0_wp)
-    scene%form = closed_form(scene%table, none, .false., xi, period, panels)
+    allocate (scene%table)
+    call make_table(knots, coefficients, kinks, 1.0_wp, period, 0.0_wp, scene%table, error)
+    call make_closed_form(scene%table, none, .false., xi, period, panels, scene%form, error)
   end function table_scene
 
   !> Scene over a harmonic series.
@@ -115,14 +116,15 @@ contains
     integer, intent(in), optional :: most         !! panels before it is graded
     type(scene_t) :: scene
     real(wp) :: zero(0:max_degree, 1)
-    integer :: panels
+    integer :: panels, error
     panels = most_panels
     if (present(most)) panels = most
     zero = 0
     scene%force = force
-    scene%table = te_table([0.0_wp, 1.0_wp], zero, [.false.], 1.0_wp, period, 0.0_wp)
-    scene%form = closed_form(scene%table, harmonic_series(series, 1.0_wp, two_pi/period), .true., &
-        xi, period, panels)
+    allocate (scene%table)
+    call make_table([0.0_wp, 1.0_wp], zero, [.false.], 1.0_wp, period, 0.0_wp, scene%table, error)
+    call make_closed_form(scene%table, harmonic_series(series, 1.0_wp, two_pi/period), .true., &
+        xi, period, panels, scene%form, error)
   end function series_scene
 
   !> Any of the two, far from undamped resonances, where the response is at most some ten times its

@@ -8,7 +8,8 @@ program measure_dispatch
   use lapwing_hybrid_automaton, only: advance
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_kinds, only: wp, int64
-  use lapwing_system_oscillator, only: oscillator_t, oscillator
+  use lapwing_system_oscillator, only: oscillator_t
+  use test_systems, only: oscillator
   use lapwing_system_parameters, only: parameters_t
   use lapwing_flow_rk4_step, only: rk4_step
   use lapwing_system_start, only: start_from, start_at_rest

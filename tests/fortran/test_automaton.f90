@@ -9,7 +9,8 @@ program test_automaton
   use lapwing_flow, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t, event_t
   use lapwing_kinds, only: wp
-  use lapwing_system_oscillator, only: oscillator_t, oscillator
+  use lapwing_system_oscillator, only: oscillator_t
+  use test_systems, only: oscillator
   use lapwing_system_parameters, only: parameters_t
   use lapwing_system_start, only: start_from
   use lapwing_system, only: system_t

@@ -2,7 +2,7 @@
 program test_blocks
   use assertions, only: tally_t
   use exact_reference, only: seed, uniform, chance, pick, table_scene, series_scene, random_series
-  use lapwing_flow_exact_interval_bounds, only: blocks_of
+  use lapwing_flow_exact_interval_bounds, only: make_blocks
   use lapwing_codes, only: drive_flank, coast_flank, no_flank
   use lapwing_flow_exact_response, only: free_size, locate_panel
   use lapwing_flow_exact_contact, only: contact_end
@@ -36,6 +36,7 @@ contains
     type(scene_t) :: scene
     real(wp), allocatable :: series(:, :)
     integer :: n
+    integer :: error
     series = random_series(3)
     if (mod(i, 4) == 0) then
       scene = series_scene(series, two_pi*(12.4_wp + i), 0.1_wp, uniform(-0.3_wp, 1.0_wp))
@@ -44,7 +45,7 @@ contains
       scene = smooth_table(series, n, two_pi*uniform(1.3_wp, 9.6_wp), &
           pick([0.03_wp, 0.1_wp, 1.0_wp]), uniform(-0.3_wp, 1.0_wp), chance(0.5_wp))
     end if
-    scene%blocks = blocks_of(scene%form, scene%table)
+    call make_blocks(scene%form, scene%table, scene%blocks, error)
   end function many
 
   !> Cubic pieces through values and slopes of a series; with a kink in the middle, if wanted.
@@ -80,8 +81,9 @@ contains
   !> A scene of few panels is left alone.
   subroutine test_few_have_none()
     type(scene_t) :: scene
+    integer :: error
     scene = series_scene(random_series(1), two_pi, 0.1_wp, 1.0_wp)
-    scene%blocks = blocks_of(scene%form, scene%table)
+    call make_blocks(scene%form, scene%table, scene%blocks, error)
     call tally%is_true(scene%blocks%panels == 0 .and. scene%blocks%pieces == 0, "no blocks")
   end subroutine test_few_have_none
 

@@ -5,7 +5,8 @@ program test_event_search
   use lapwing_flow, only: work_t
   use lapwing_flow_rk4_crossing, only: crossing_t, find_crossing, polish_crossing
   use lapwing_kinds, only: wp
-  use lapwing_system_oscillator, only: oscillator_t, oscillator
+  use lapwing_system_oscillator, only: oscillator_t
+  use test_systems, only: oscillator
   use lapwing_system_parameters, only: parameters_t
   use lapwing_polynomial_evaluation, only: horner
   use lapwing_polynomial_roots, only: first_descent

@@ -8,10 +8,11 @@ program test_exact_automaton
       law_relative, law_absolute, gap_one_sided, gap_symmetric, gap_one_flank, method_exact, &
       event_kink, status_ok
   use lapwing_flow, only: work_t
-  use lapwing_flow_exact_exact_flow, only: exact_flow_t, build_exact_flow
+  use lapwing_flow_exact_exact_flow, only: exact_flow_t, make_exact_flow
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_kinds, only: wp
-  use lapwing_system_oscillator, only: oscillator_t, oscillator
+  use lapwing_system_oscillator, only: oscillator_t
+  use test_systems, only: oscillator
   use lapwing_system_parameters, only: parameters_t
   use lapwing_polynomial_evaluation, only: max_degree
   use lapwing_system, only: frame_t
@@ -88,11 +89,12 @@ contains
     type(numerics_t) :: numerics
     type(work_t) :: work, other_work
     integer :: i, k, status, other_status
+    integer :: error
     numerics%method = method_exact
     numerics%chatter_tolerance = 1.0e-13_wp
     do i = 1, n_scenes
       system = random_oscillator(i, contact_law, impact_law)
-      call build_exact_flow(system, flow)
+      call make_exact_flow(system, flow, error)
       call random_start(system, state)
       do k = 1, n_stretches
         other = state
@@ -131,6 +133,7 @@ contains
     type(work_t) :: work
     type(parameters_t) :: p
     integer :: i, law, status, stops, meetings
+    integer :: error
     stops = 0
     meetings = 0
     p%force = 0
@@ -142,7 +145,7 @@ contains
       system = oscillator(p, [0.0_wp, 0.5_wp, 1.0_wp], reshape([0.0_wp, 0.0_wp, 0.0_wp, &
           0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, -2.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [6, 2]), &
           [.true., .true.], reshape([-1.0_wp, 0.0_wp, 0.0_wp], [3, 1]))
-      call build_exact_flow(system, flow)
+      call make_exact_flow(system, flow, error)
       do i = -12, 12
         state%instant = start_from(system, 0.25_wp, separation, -3.0_wp, 1.5_wp*(1 + i &
             *epsilon(1.0_wp)))

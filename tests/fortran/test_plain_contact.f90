@@ -14,7 +14,8 @@ program test_plain_contact
   use lapwing_system_frames, only: open_in_contact, flank_in_frame, flank_over_step
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_kinds, only: wp
-  use lapwing_system_oscillator, only: oscillator_t, oscillator
+  use lapwing_system_oscillator, only: oscillator_t
+  use test_systems, only: oscillator
   use lapwing_system_parameters, only: parameters_t
   use lapwing_system_start, only: start_from
   use lapwing_system, only: instant_t, frame_t

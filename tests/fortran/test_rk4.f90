@@ -3,7 +3,8 @@ program test_rk4
   use assertions, only: tally_t
   use lapwing_kinds, only: wp, int64
   use lapwing_codes, only: separation, engagement, back_engagement
-  use lapwing_system_oscillator, only: oscillator_t, oscillator
+  use lapwing_system_oscillator, only: oscillator_t
+  use test_systems, only: oscillator
   use lapwing_system_parameters, only: parameters_t
   use lapwing_polynomial_evaluation, only: horner
   use lapwing_flow_rk4_step, only: rk4_step, rk4_move

@@ -3,13 +3,14 @@
 module test_systems
   use lapwing_kinds, only: wp
   use lapwing_codes, only: separation, drive_flank, coast_flank
-  use lapwing_system_oscillator, only: oscillator_t
+  use lapwing_system_oscillator, only: oscillator_t, make_oscillator
+  use lapwing_system_parameters, only: parameters_t
   use lapwing_polynomial_evaluation, only: max_degree
   use lapwing_system, only: system_t, instant_t, frame_t, motion_t, max_states, dense_degree
   implicit none
   private
   public :: plain_system_t, ball_t, forced_mass_t, two_masses_t, swirl_t, trees_t
-  public :: dispatched_t, thorough_t, careful_t, careful
+  public :: dispatched_t, thorough_t, careful_t, careful, oscillator
 
   !> y(1) and y(2), a position and its rate, are what meets the walls: the drive flank from below,
   !> the coast flank from above. Local coordinates are y itself, a cycle has no knots.
@@ -86,6 +87,23 @@ module test_systems
   end type careful_t
 
 contains
+
+  !> Oscillator over a table, or over a series if one is given.
+  function oscillator(parameters, knots, coefficients, kinks, series) result(self)
+    type(parameters_t), intent(in) :: parameters
+    real(wp), intent(in) :: knots(:), coefficients(0:, :)
+    logical, intent(in) :: kinks(:)
+    real(wp), intent(in), optional :: series(:, :)
+    type(oscillator_t) :: self
+    real(wp), parameter :: none(3, 1) = reshape([-1.0_wp, 0.0_wp, 0.0_wp], [3, 1])
+    integer :: error
+    if (present(series)) then
+      call make_oscillator(parameters, knots, coefficients, kinks, series, self, error)
+    else
+      call make_oscillator(parameters, knots, coefficients, kinks, none, self, error)
+    end if
+    if (error /= 0) error stop "no memory"
+  end function oscillator
 
   function careful(system) result(self)
     type(oscillator_t), intent(in) :: system

@@ -8,7 +8,8 @@ program test_tangent_map
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
   use lapwing_flow_rk4_rk4_flow, only: rk4_flow_t
   use lapwing_kinds, only: wp
-  use lapwing_system_oscillator, only: oscillator_t, oscillator
+  use lapwing_system_oscillator, only: oscillator_t
+  use test_systems, only: oscillator
   use lapwing_system_parameters, only: parameters_t
   use lapwing_observers_records, only: recorder_t, cycle_columns
   use lapwing_run, only: run_to, deadline_in

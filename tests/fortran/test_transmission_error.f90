@@ -3,7 +3,7 @@ program test_transmission_error
   use assertions, only: tally_t
   use lapwing_kinds, only: wp
   use lapwing_polynomial_evaluation, only: horner, horner_slope
-  use lapwing_flank_table, only: te_table_t, te_table, locate_piece, piece_at, expand_at, &
+  use lapwing_flank_table, only: te_table_t, make_table, locate_piece, piece_at, expand_at, &
       flank_motion_at
   implicit none
 
@@ -28,10 +28,11 @@ contains
     real(wp), intent(in) :: felt      !! smallest curvature jump felt
     type(te_table_t) :: table
     real(wp) :: c(0:5, 3)
+    integer :: error
     c(:, 1) = [1.0_wp, 2.0_wp, -4.0_wp, 8.0_wp, 16.0_wp, -32.0_wp]
     c(:, 2) = [-1.0_wp, 0.5_wp, 1.0_wp, 0.0_wp, 4.0_wp, 2.0_wp]
     c(:, 3) = [0.25_wp, -3.0_wp, 2.0_wp, 1.0_wp, -1.0_wp, 0.5_wp]
-    table = te_table(knots, c, kinks, scale, period, felt)
+    call make_table(knots, c, kinks, scale, period, felt, table, error)
   end function some_table
 
   !> g(t) = scale*TE(t/period): powers of two, hence exact.
@@ -131,10 +132,11 @@ contains
     type(te_table_t) :: table
     real(wp) :: crowded(n + 1), c(0:5, n)
     integer :: i
+    integer :: error
     c = 1
     crowded = [(real(i, wp)/n, i = 0, n)]
     crowded(n/4:3*n/4) = 0.3_wp + [(1.0e-3_wp*i/n, i = n/4, 3*n/4)]
-    table = te_table(crowded, c, spread(.false., 1, n), 1.0_wp, 0.7_wp, 0.0_wp)
+    call make_table(crowded, c, spread(.false., 1, n), 1.0_wp, 0.7_wp, 0.0_wp, table, error)
     do i = 1, n
       call tally%equal(piece_at(table, table%knot(i)), i, "at a crowded knot")
       call tally%equal(piece_at(table, nearest(table%knot(i + 1), -1.0_wp)), i, "just before one")
@@ -150,6 +152,7 @@ contains
     real(wp) :: c(0:5, 1), before, at, after
     integer :: i
     real(wp), parameter :: h = 1.0e-4_wp
+    integer :: error
     table = some_table([.true., .true., .true.], 0.0_wp)
     do i = 1, 3
       associate (x => 0.5_wp*(table%knot(i + 1) - table%knot(i)), p => table%coefficient(:, i))
@@ -162,7 +165,7 @@ contains
     end do
     c = 0
     c(2, 1) = 3
-    table = te_table([0.0_wp, 1.0_wp], c, [.true.], scale, period, 0.0_wp)
+    call make_table([0.0_wp, 1.0_wp], c, [.true.], scale, period, 0.0_wp, table, error)
     call tally%near(table%push(1), -2.25_wp, 0.0_wp, "a parabola")
     call tally%near(table%push(2), 2.25_wp, 0.0_wp, "a parabola, inwards")
   end subroutine test_push

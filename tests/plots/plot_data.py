@@ -14,7 +14,7 @@ from lapwing import (
 )
 from lapwing.engine import Numerics
 from lapwing.results import read_results, write_results
-from lapwing.studies.response import response
+from lapwing.studies.response.run import response
 
 SHORT = {"settle_cycles": 40, "record_cycles": 20, "samples_per_cycle": 200, "rtol": 1e-6}
 CLAIM = {"claim_impacts_per_cycle": 3, "claim_deepest_separation": 0.00063,

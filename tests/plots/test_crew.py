@@ -119,7 +119,8 @@ def test_a_script_needs_no_guard(file, tmp_path):
 
 DRAWS = """
 import sys
-from lapwing import plots, signals
+from lapwing import plots
+from lapwing.base import signals
 from lapwing.plots.crew import Crew
 from lapwing.results import read_results
 plots.RESPONSE_FIGURES = ("impact_section", "history")

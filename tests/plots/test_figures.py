@@ -4,17 +4,18 @@ import re
 import subprocess
 import sys
 import warnings
-from importlib import import_module
 
 import numpy as np
 import pytest
 from plot_data import CURVES, RESPONSES, make_curve, make_results
 
 from lapwing import Status, plots
-from lapwing.plots import orbit_diagram, style, sweep_parts, typeface
+from lapwing.plots import style, typeface
 from lapwing.plots.critical_marks import marks_of
-from lapwing.plots.deepest_separation import _crossings, _free_place
-from lapwing.plots.trajectory import path
+from lapwing.plots.response.trajectory import path
+from lapwing.plots.sweep import orbit_diagram
+from lapwing.plots.sweep import parts as sweep_parts
+from lapwing.plots.sweep.deepest_separation import _crossings, _free_place
 
 SWEEPS = ("torque", "failed", "speed", "plain")
 UNIT = re.compile(r"\((µrad|arcsec|N|N·m|rad/s|mm/s|mN·s|ms|rpm|Hz|mesh periods|mesh cycles|"
@@ -38,7 +39,7 @@ def draw(module, dataset, pair, laid_out=False, **options):
     """Figure of a module; a warning of the drawing library is an error."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        figure = import_module(f"lapwing.plots.{module}").draw(dataset, pair, **options)
+        figure = plots.figure_module(module).draw(dataset, pair, **options)
         if laid_out:
             figure.draw_without_rendering()
     return figure
@@ -342,7 +343,9 @@ def test_figures_need_no_engine(results, tmp_path):
     program = (
         "import sys\n"
         "from lapwing.results import read_results\n"
-        "from lapwing.plots import style, history, orbit_diagram\n"
+        "from lapwing.plots import style\n"
+        "from lapwing.plots.response import history\n"
+        "from lapwing.plots.sweep import orbit_diagram\n"
         f"with read_results({str(results.path)!r}) as results:\n"
         "    pair = results.gear_pair\n"
         f"    style.save(history.draw(results.response('periodic'), pair), {str(tmp_path)!r}"

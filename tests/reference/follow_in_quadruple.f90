@@ -2,12 +2,12 @@
 !> on standard output, every digit written. tests/reference/quadruple.py writes the one and reads
 !> the other.
 program follow_in_quadruple
-  use lapwing_codes, only: method_rk4, status_ok
+  use lapwing_codes, only: method_exact, method_rk4, status_ok
   use lapwing_flow, only: flow_t, work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
   use lapwing_kinds, only: wp
-  use lapwing_run_method, only: make_system, make_flow
-  use lapwing_system_oscillator, only: oscillator_t
+  use lapwing_run_method, only: make_flow
+  use lapwing_system_oscillator, only: oscillator_t, make_oscillator
   use lapwing_system_parameters, only: parameters_t
   use lapwing_observers_records, only: recorder_t, log_columns, cycle_columns
   use lapwing_run, only: run_to, deadline_in
@@ -63,16 +63,19 @@ contains
   !> Run to the beginning of cycle number `cycles` and write events, states at cycles' beginnings,
   !> the state at the end and the status.
   subroutine follow()
-    type(oscillator_t) :: system
+    type(oscillator_t), target :: system
     class(flow_t), allocatable :: flow
     type(hybrid_state_t) :: state
     type(recorder_t) :: recorder
     type(work_t) :: work
     real(wp), target :: log(log_columns, event_room), rows(cycle_columns, cycles + 1)
     real(wp) :: phi, phi_dot
-    integer :: status, i
-    call make_system(parameters, knots, coefficients, kinks == 1, series, system)
-    call make_flow(numerics%method, system, flow)
+    integer :: status, error, i
+    ! Steps are taken over the table.
+    if (numerics%method /= method_exact) series(1, 1) = -1
+    call make_oscillator(parameters, knots, coefficients, kinks == 1, series, system, error)
+    if (error == 0) call make_flow(numerics%method, system, flow, error)
+    if (error /= 0) error stop "no memory"
     state%instant = start_at_rest(system, start(4))
     if (start(1) >= 0) then
       state%instant = start_from(system, start(4), nint(start(1)), start(2), start(3))

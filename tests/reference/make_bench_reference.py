@@ -25,7 +25,7 @@ from gmpy2 import mpfr
 from lapwing_bench.reference import write_reference
 from lapwing_bench.scenes import LONG, SCENES, SHORT
 
-DATA = Path(__file__).resolve().parents[2] / "pydriver" / "lapwing" / "bench" / "data"
+DATA = Path(__file__).resolve().parents[2] / "pydriver" / "lapwing_bench" / "data"
 COMMAND = "python tests/reference/make_bench_reference.py"
 CHANGE = "1e-25"
 CALM = 1e4

@@ -6,8 +6,8 @@ import numpy as np
 
 from helpers import PAIR, SHIPPED, scene_a, scene_c, scene_d
 from lapwing import StartGrid, Status, critical_back, critical_safe
-from lapwing.codes import SearchStage
-from lapwing.studies.response import response
+from lapwing.base.codes import SearchStage
+from lapwing.studies.response.run import response
 
 SHORT = {"settle_cycles": 60, "record_cycles": 40, "samples_per_cycle": 64, "rtol": 1e-6}
 CLAIM = {"claim_impacts_per_cycle": 3.0, "claim_deepest_separation": 0.00063, "claim_text": "three"}

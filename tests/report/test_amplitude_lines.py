@@ -5,7 +5,7 @@ import pytest
 from partial_data import DAMAGES, whole_sweeps
 
 from lapwing.report.amplitudes import amplitude_lines, greatest
-from lapwing.report.answers import findings
+from lapwing.report.answers.findings import findings
 
 NAMES = ("torque", "compliant", "rigid", "single", "negative", "speed")
 

@@ -20,9 +20,9 @@ from partial_studies import (
 import lapwing
 from helpers import PAIR, SHIPPED
 from lapwing import MotionState, Status
-from lapwing.codes import SearchStage
-from lapwing.report.answers import findings, findings_lines, on_console, told_in
-from lapwing.report.limits import at_least, at_most, bands
+from lapwing.base.codes import SearchStage
+from lapwing.report.answers.findings import findings, findings_lines, on_console, told_in
+from lapwing.report.answers.limits import at_least, at_most, bands
 
 SWEEPS = ("torque", "compliant", "rigid", "one_branch", "single", "negative", "engaged", "speed")
 RESPONSES = ("periodic", "chaotic", "chatter", "engaged", "rigid", "compliant", "short")

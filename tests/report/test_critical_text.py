@@ -8,7 +8,7 @@ import pytest
 import lapwing
 from helpers import PAIR, SHIPPED
 from lapwing import StartGrid, TransmissionError
-from lapwing.codes import SearchStage
+from lapwing.base.codes import SearchStage
 from lapwing.report.critical import critical_table, critical_text, decimals, headline
 
 ABSOLUTE = {"pinion_speed_rpm": 240, "impact_law": "absolute"}

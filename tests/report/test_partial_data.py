@@ -2,7 +2,6 @@
 
 import re
 import warnings
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ from figure_checks import assert_no_invented_axes, words_of
 from partial_data import DAMAGES, interrupted, whole_sweeps
 
 from lapwing import Status, plots
-from lapwing.plots import orbit_diagram
+from lapwing.plots.sweep import orbit_diagram
 from lapwing.report.headlines import headlines
 from lapwing.report.sweep import sweep_text
 
@@ -67,7 +66,7 @@ def test_every_figure_is_drawn_without_a_warning(sweeps, name, damage):
             continue
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            figure = import_module(f"lapwing.plots.{module}").draw(data, PAIR)
+            figure = plots.figure_module(module).draw(data, PAIR)
         assert_no_invented_axes(figure)
         words = words_of(figure)
         assert not re.search(r"\b(nan|inf)\b", words)
@@ -101,7 +100,7 @@ def test_without_restitution_arrivals_are_engagements_everywhere(sweeps):
     assert "engagements are counted: every one" in said
     assert "1:(0,0), " not in said
     for module in ("orbit_diagram", "staircase"):
-        figure = import_module(f"lapwing.plots.{module}").draw(data, PAIR)
+        figure = plots.figure_module(module).draw(data, PAIR)
         axis = next(one for one in figure.axes if one.get_ylabel() == "engagements\nper cycle")
         assert max(np.nanmax(line.get_ydata()) for line in axis.lines[:3]) > 0
         assert not any("approach speed" in one.get_ylabel() for one in figure.axes)

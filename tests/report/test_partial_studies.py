@@ -2,7 +2,6 @@
 
 import re
 import warnings
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -101,7 +100,7 @@ def test_every_figure_of_a_response_shows_results_alone(responses, name, damage,
     data = damage(responses[name])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        figure = import_module(f"lapwing.plots.{module}").draw(data, GEAR)
+        figure = plots.figure_module(module).draw(data, GEAR)
     said = words_of(figure)
     assert not re.search(r"\b(nan|inf)\b", said)
     assert_no_invented_axes(figure)
@@ -159,7 +158,7 @@ def test_every_figure_of_a_search_shows_results_alone(searches, name, damage):
     data = damage(searches[name])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        figure = import_module("lapwing.plots.critical_search").draw(data, GEAR)
+        figure = plots.figure_module("critical_search").draw(data, GEAR)
     assert not re.search(r"\b(nan|inf)\b", words_of(figure))
     assert_no_invented_axes(figure)
     known = data["trial_failed"].values < data["trial_starts"].values

@@ -11,7 +11,7 @@ import xarray as xr
 import lapwing
 from helpers import PAIR, SHIPPED, dataset_bytes, scene_a
 from lapwing.results import DESCRIPTIONS, described, read_results, write_results
-from lapwing.studies.response import response
+from lapwing.studies.response.run import response
 
 DECK = "! deck with µ and θ\n&gear_pair\n/\n"
 SHORT = {"settle_cycles": 20, "record_cycles": 24, "samples_per_cycle": 32}

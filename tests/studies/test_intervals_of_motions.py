@@ -12,7 +12,7 @@ import pytest
 import lapwing
 from helpers import scene_a
 from lapwing.engine import Numerics, TrajectoryCall, Wanted
-from lapwing.studies.critical_starts import follow
+from lapwing.studies.critical.starts import follow
 from lapwing.studies.intervals import bursts, mean_interval, rate_limit
 from lapwing.studies.stability import CycleMaps, exponents, growth
 

@@ -7,15 +7,15 @@ import pytest
 
 from helpers import PAIR, SHIPPED, ball, ball_start, dataset_bytes, scene_a, scene_c
 from lapwing import sweep
-from lapwing.engine import CYCLE_NAMES, Numerics, TrajectoryCall, Wanted
-from lapwing.plots import exponents as figure
+from lapwing.base.stability_names import NUMBERS, STABILITY
+from lapwing.engine import Numerics, TrajectoryCall, Wanted
+from lapwing.plots.sweep import exponents as figure
 from lapwing.report.summary import summary_text
 from lapwing.results import read_results, write_results
-from lapwing.stability_names import NUMBERS, STABILITY
-from lapwing.studies.motion import why_aperiodic
 from lapwing.studies.orbit import find_orbit, settled_state
 from lapwing.studies.period import find_period, motion_class
-from lapwing.studies.response import response
+from lapwing.studies.response.motion import why_aperiodic
+from lapwing.studies.response.run import response
 from lapwing.studies.stability import CycleMaps, Exponents, exponents
 
 OPERATION = {"pinion_speed_rpm": 240, "impact_law": "relative"}
@@ -138,7 +138,8 @@ def test_summary(results):
     assert "the other lost in complete chatter (exponent -∞)" in text
     assert "no period up to 24 mesh cycles (chaos: nearby motions part)" in text
     assert "forgets every deviation (largest Lyapunov exponent -∞)" in text
-    assert "- chaos (largest Lyapunov exponent above zero beyond its error): at 6 of 15 motions" \
+    assert "- chaos (all of the 95 % interval of the largest Lyapunov exponent above zero): at 6 of " \
+           "15 motions" \
         in text
     assert text.count("- checks of the exponents kept") == 2
     assert "broken" not in text
@@ -186,8 +187,8 @@ def recorded(osc, start, settle, cycles):
 
 def period_of(osc, start, settle, cycles=100):
     call = recorded(osc, start, settle, cycles)
-    phi, phi_dot = (call.cycles[:, CYCLE_NAMES.index(name)] for name in ("phi", "phi_dot"))
-    size = call.cycles[:, CYCLE_NAMES.index("deepest_separation")].max()
+    size = call.cycles["deepest_separation"].max()
+    phi, phi_dot = call.cycles["phi"], call.cycles["phi_dot"]
     return find_period(phi, phi_dot, np.zeros((cycles, 1)), size), call, size
 
 

@@ -2,17 +2,17 @@
 module lapwing_flow_exact_exact_flow
   use lapwing_kinds, only: wp
   use lapwing_codes, only: separation, no_flank, drive_flank, coast_flank, status_ok
-  use lapwing_flank_series, only: derivative_series, series_at, bound_derivative
-  use lapwing_flank_table, only: lower_bound, locate_piece, flank_motion_at
+  use lapwing_flank_series, only: harmonic_series_t, derivative_series, bound_derivative
+  use lapwing_flank_table, only: lower_bound, locate_piece
   use lapwing_flow, only: flow_t, arc_t, reached_t, work_t, step_memory_t, listener_t, &
       instant_on, at_stop
   use lapwing_flow_exact_contact, only: contact_end
   use lapwing_flow_exact_extrema, only: next_turn, farthest_of => farthest
   use lapwing_flow_exact_flight, only: end_t, flight_end, bounce, least_width
-  use lapwing_flow_exact_interval_bounds, only: blocks_of
+  use lapwing_flow_exact_interval_bounds, only: make_blocks
   use lapwing_flow_exact_motion, only: scene_t, curve_t, launch, expand_launch, expand_fully, &
       curve_at, flank_taylor, acceleration_at
-  use lapwing_flow_exact_response, only: closed_form, most_panels
+  use lapwing_flow_exact_response, only: make_closed_form, most_panels
   use lapwing_flow_exact_slow_contact, only: panel_in_contact
   use lapwing_polynomial_evaluation, only: max_degree
   use lapwing_polynomial_roots, only: first_descent
@@ -20,15 +20,13 @@ module lapwing_flow_exact_exact_flow
   use lapwing_system_oscillator, only: oscillator_t
   implicit none
   private
-  public :: exact_flow_t, build_exact_flow
+  public :: exact_flow_t, make_exact_flow
 
   type, extends(flow_t) :: exact_flow_t
     type(scene_t) :: scene                !! table or series, and what is computed beforehand
     type(scene_t) :: push                 !! `rigid`, series: F - g'' as a motion of its own
     real(wp) :: g_low = 0                 !! lower bound of g
-    integer :: n_flanks = 2               !! of the oscillator
-    real(wp) :: width = 1                 !! distance between them, rad
-    logical :: coast_moves = .true.       !! whether the coast flank moves with g
+    type(oscillator_t), pointer :: of => null()   !! the oscillator that moves
   contains
     procedure :: open, advance, state_at, farthest, near_turns, rigid_release, change_force
   end type exact_flow_t
@@ -36,28 +34,37 @@ module lapwing_flow_exact_exact_flow
 contains
 
   !> What an oscillator's motion needs in closed form.
-  pure subroutine build_exact_flow(system, self)
-    type(oscillator_t), intent(in) :: system      !! oscillator
-    type(exact_flow_t), intent(out) :: self
-    self%n_flanks = system%n_flanks
-    self%width = system%width
-    self%coast_moves = system%coast_moves
+  subroutine make_exact_flow(system, self, error)
+    type(oscillator_t), intent(in), target :: system   !! oscillator, which must outlive the flow
+    type(exact_flow_t), intent(out) :: self            !! the flow
+    integer, intent(out) :: error                      !! 0, or there is no memory for it
+    self%takes_steps = .false.
+    self%of => system
+    call make_scene(system, system%series, 0.5_wp*system%damping, self%scene, error)
+    if (error /= 0) return
     self%scene%force = system%force
-    self%scene%table = system%table
-    self%scene%form = closed_form(system%table, system%series, system%harmonic, &
-        0.5_wp*system%damping, system%period, most_panels)
-    self%scene%blocks = blocks_of(self%scene%form, system%table)
-    if (system%harmonic) then
-      self%g_low = system%series%constant - bound_derivative(system%series, 0)
-    else
+    call make_blocks(self%scene%form, system%table, self%scene%blocks, error)
+    if (error /= 0) return
+    if (.not. system%harmonic) then
       self%g_low = lower_bound(system%table)
+      return
     end if
-    if (.not. (system%harmonic .and. system%rigid)) return
+    self%g_low = system%series%constant - bound_derivative(system%series, 0)
+    if (.not. system%rigid) return
+    call make_scene(system, derivative_series(system%series, 2), 0.5_wp, self%push, error)
     self%push%force = 0
-    self%push%table = system%table
-    self%push%form = closed_form(system%table, derivative_series(system%series, 2), .true., &
-        0.5_wp, system%period, most_panels)
-  end subroutine build_exact_flow
+  end subroutine make_exact_flow
+
+  subroutine make_scene(system, series, xi, scene, error)
+    type(oscillator_t), intent(in), target :: system   !! oscillator
+    type(harmonic_series_t), intent(in) :: series      !! motion of the flank, if it is one
+    real(wp), intent(in) :: xi                         !! damping ratio
+    type(scene_t), intent(out) :: scene                !! table or series, and its closed form
+    integer, intent(out) :: error                      !! 0, or there is no memory for it
+    scene%table => system%table
+    call make_closed_form(system%table, series, system%harmonic, xi, system%period, most_panels, &
+        scene%form, error)
+  end subroutine make_scene
 
   !> The same under another force.
   subroutine change_force(self, force)
@@ -132,7 +139,7 @@ contains
       if (begin%motion_state /= separation) then
         call contact_end(self%scene, curve, begin%motion_state, &
             begin%touching == begin%motion_state, arc%frame%stop, at)
-      else if (self%n_flanks == 2 .and. .not. self%coast_moves) then
+      else if (self%of%n_flanks == 2 .and. .not. self%of%coast_moves) then
         call flight_to_standing(self, begin, curve, arc%frame%stop, at, reached%chart)
       else
         call flight_end(self%scene, curve, walls(self, begin%chart), begin%touching, &
@@ -163,7 +170,7 @@ contains
     real(wp) :: g(0:max_degree)
     integer :: piece
     velocity = 0
-    if (flank == coast_flank .and. .not. self%coast_moves) return
+    if (flank == coast_flank .and. .not. self%of%coast_moves) return
     piece = 1
     if (.not. self%scene%form%harmonic) piece = locate_piece(self%scene%table, t, guess)
     call flank_taylor(self%scene, .true., t, piece, g)
@@ -177,22 +184,9 @@ contains
     integer, intent(in) :: piece                 !! table piece that holds it
     type(curve_t), intent(inout) :: curve        !! the curve
     call launch(self%scene, instant%motion_state /= separation, &
-        instant%chart == drive_flank .or. self%coast_moves, instant%t, piece, &
+        instant%chart == drive_flank .or. self%of%coast_moves, instant%t, piece, &
         instant%y(1), instant%y(2), curve)
   end subroutine begin_curve
-
-  !> g and g'.
-  pure subroutine flank_motion(self, t, guess, g, slope)
-    class(exact_flow_t), intent(in) :: self
-    real(wp), intent(in) :: t                    !! time in the cycle
-    integer, intent(in) :: guess                 !! table piece to look at first
-    real(wp), intent(out) :: g, slope            !! position and velocity
-    if (self%scene%form%harmonic) then
-      call series_at(self%scene%form%g, t, g, slope)
-    else
-      call flank_motion_at(self%scene%table, t, guess, g, slope)
-    end if
-  end subroutine flank_motion
 
   !> Positions of the two flanks seen from one of them, both moving with g.
   pure function walls(self, chart) result(wall)
@@ -200,9 +194,9 @@ contains
     integer, intent(in) :: chart                 !! flank that positions refer to
     real(wp) :: wall(2)
     wall = [0.0_wp, least_width]
-    if (self%n_flanks == 1) return
-    wall = [0.0_wp, -self%width]
-    if (chart == coast_flank) wall = wall + self%width
+    if (self%of%n_flanks == 1) return
+    wall = [0.0_wp, -self%of%width]
+    if (chart == coast_flank) wall = wall + self%of%width
   end function walls
 
   !> End of a flight between the moving drive flank and a standing coast flank.
@@ -224,16 +218,16 @@ contains
       if (found) return
     end if
     chart = drive_flank
-    call flank_motion(self, instant%t, instant%piece, g, slope)
+    call self%of%flank_motion(instant%t, instant%piece, g, slope)
     c = 0
     c(0:1) = instant%y(1:2)
     c(2) = 0.5_wp*self%scene%force
     from_drive = instant
     if (instant%chart == drive_flank) then
-      c(0:1) = c(0:1) + [g + self%width, slope]
+      c(0:1) = c(0:1) + [g + self%of%width, slope]
     else
       from_drive%chart = drive_flank
-      from_drive%y(1:2) = c(0:1) - [g + self%width, slope]
+      from_drive%y(1:2) = c(0:1) - [g + self%of%width, slope]
     end if
     if (instant%touching == coast_flank) c(0) = 0
     latest = stop
@@ -244,7 +238,7 @@ contains
         merge(drive_flank, no_flank, instant%touching == drive_flank), latest, at)
     if (at%flank /= no_flank .or. .not. found) return
     at%flank = coast_flank
-    call flank_motion(self, instant%t + at%s, instant%piece, g, slope)
+    call self%of%flank_motion(instant%t + at%s, instant%piece, g, slope)
     at%v = at%v + slope
   end subroutine flight_to_standing
 
@@ -257,8 +251,8 @@ contains
     logical, intent(out) :: found                !! whether it is one
     type(end_t), intent(out) :: at               !! the end
     real(wp) :: wall(2)
-    wall = [0.0_wp, -self%width - self%g_low]
-    if (flank == coast_flank) wall = [self%width + self%g_low, 0.0_wp]
+    wall = [0.0_wp, -self%of%width - self%g_low]
+    if (flank == coast_flank) wall = [self%of%width + self%g_low, 0.0_wp]
     call bounce(curve, wall, flank, stop, found, at)
   end subroutine own_bounce
 
@@ -289,9 +283,9 @@ contains
     if (begin%chart /= flank) then
       sign = merge(1.0_wp, -1.0_wp, flank == coast_flank)
       told%chart = flank
-      told%y(1) = told%y(1) + sign*self%width
-      if (.not. self%coast_moves) then
-        call flank_motion(self, begin%t, begin%piece, g, slope)
+      told%y(1) = told%y(1) + sign*self%of%width
+      if (.not. self%of%coast_moves) then
+        call self%of%flank_motion(begin%t, begin%piece, g, slope)
         told%y(1:2) = told%y(1:2) + sign*[g, slope]
       end if
     end if
@@ -314,7 +308,7 @@ contains
     integer :: flank
     logical :: found
     frame = arc%frame
-    do flank = drive_flank, self%n_flanks
+    do flank = drive_flank, self%of%n_flanks
       if (arc%begin%motion_state /= separation .and. arc%begin%motion_state /= flank) cycle
       work%graze_searches = work%graze_searches + 1
       inward = merge(1.0_wp, -1.0_wp, arc%begin%motion_state == separation)

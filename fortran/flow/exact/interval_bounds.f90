@@ -8,7 +8,7 @@ module lapwing_flow_exact_interval_bounds
   use lapwing_flank_table, only: te_table_t
   implicit none
   private
-  public :: blocks_t, blocks_of
+  public :: blocks_t, make_blocks
 
   !> Fewer than this are looked at one by one.
   integer, parameter :: least_many = 48
@@ -32,22 +32,27 @@ module lapwing_flow_exact_interval_bounds
 contains
 
   !> Blocks of a scene's panels and of its table's pieces.
-  pure function blocks_of(form, table) result(self)
+  pure subroutine make_blocks(form, table, self, error)
     type(closed_form_t), intent(in) :: form    !! panels
     type(te_table_t), intent(in) :: table      !! g as a table
-    type(blocks_t) :: self
-    if (form%n >= least_many) call gather_panels(self, form, table)
-    if (table%n >= least_many .and. .not. form%harmonic) call gather_pieces(self, table)
-  end function blocks_of
+    type(blocks_t), intent(out) :: self        !! blocks
+    integer, intent(out) :: error              !! 0, or there is no memory for them
+    error = 0
+    if (form%n >= least_many) call gather_panels(self, form, table, error)
+    if (error /= 0) return
+    if (table%n >= least_many .and. .not. form%harmonic) call gather_pieces(self, table, error)
+  end subroutine make_blocks
 
-  pure subroutine gather_panels(self, form, table)
+  pure subroutine gather_panels(self, form, table, error)
     type(blocks_t), intent(inout) :: self      !! blocks of panels are set
     type(closed_form_t), intent(in) :: form    !! panels
     type(te_table_t), intent(in) :: table      !! g as a table
+    integer, intent(out) :: error              !! 0, or there is no memory for them
     real(wp) :: low, high
     integer :: i, next
     self%panels = nint(sqrt(real(form%n, wp)))
-    allocate (self%over((form%n - 1)/self%panels + 1))
+    allocate (self%over((form%n - 1)/self%panels + 1), stat=error)
+    if (error /= 0) return
     do i = 1, form%n
       associate (block => self%over((i - 1)/self%panels + 1), panel => form%panel(i))
         call range_of_panel(form, table, i, low, high)
@@ -91,15 +96,19 @@ contains
     high = maxval(c)
   end subroutine range_of_piece
 
-  pure subroutine gather_pieces(self, table)
+  pure subroutine gather_pieces(self, table, error)
     type(blocks_t), intent(inout) :: self      !! blocks of pieces are set
     type(te_table_t), intent(in) :: table      !! g as a table
+    integer, intent(out) :: error              !! 0, or there is no memory for them
     real(wp) :: low, high
     integer :: i, k
     self%pieces = nint(sqrt(real(table%n, wp)))
     k = (table%n - 1)/self%pieces + 1
-    allocate (self%g_low(k), source=huge(1.0_wp))
-    allocate (self%g_high(k), source=-huge(1.0_wp))
+    allocate (self%g_low(k), stat=error)
+    if (error == 0) allocate (self%g_high(k), stat=error)
+    if (error /= 0) return
+    self%g_low = huge(1.0_wp)
+    self%g_high = -huge(1.0_wp)
     do i = 1, table%n
       k = (i - 1)/self%pieces + 1
       call range_of_piece(table, i, 0.0_wp, table%knot(i + 1) - table%knot(i), low, high)

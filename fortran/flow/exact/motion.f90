@@ -17,8 +17,7 @@ module lapwing_flow_exact_motion
   implicit none
   private
   public :: curve_t, scene_t, launch, expand_launch, expand_fully, curve_at, curve_taylor
-  public :: flank_taylor
-  public :: rest_after, acceleration_at, fly_from
+  public :: flank_taylor, rest_after, acceleration_at, fly_from
 
   !> 1/(k (k - 1)) for k from 2 on: two integrations of a power.
   real(wp), parameter :: over_pairs(2:launch_order) = 1/[2.0_wp, 6.0_wp, 12.0_wp, 20.0_wp, &
@@ -27,7 +26,7 @@ module lapwing_flow_exact_motion
   !> What all stretches of an oscillator have in common.
   type :: scene_t
     real(wp) :: force = 1                 !! F
-    type(te_table_t) :: table             !! g as a table
+    type(te_table_t), pointer :: table => null()   !! g as a table, the system's own
     type(closed_form_t) :: form           !! what is computed beforehand
     type(blocks_t) :: blocks              !! and bounded together, where there is much of it
   end type scene_t

@@ -26,7 +26,7 @@ module lapwing_flow_exact_response
   use lapwing_flank_table, only: te_table_t
   implicit none
   private
-  public :: closed_form_t, panel_t, closed_form, locate_panel, free_size, bound_order
+  public :: closed_form_t, panel_t, make_closed_form, locate_panel, free_size, bound_order
   public :: launch_order, reach, ordinary_panels, most_panels
 
   !> A panel lasts at most this over the fastest rate: the first term that a series of order 15
@@ -34,8 +34,7 @@ module lapwing_flow_exact_response
   !> first six terms leave out of a free oscillation of size E at most (0.66)**6/720 E = 1.1e-4 E.
   real(wp), parameter :: panel_span = &
       2*(0.25_wp*epsilon(1.0_wp)*20922789888000.0_wp)**(1.0_wp/16)
-  !> Panels of a scene that is not graded; they take some 70 MB.
-  integer, parameter :: most_panels = 100000
+  integer, parameter :: most_panels = 100000   !! of a scene that is not graded; some 70 MB
   !> A Taylor series of order n is exact to rounding where rate*s is below its reach: the first term
   !> left out, (rate*s)**(n + 1)/(n + 1)!, against the second one, (rate*s)**2/2.
   integer, parameter :: launch_order = 13   !! highest order of a series about a launch
@@ -87,14 +86,15 @@ module lapwing_flow_exact_response
 contains
 
   !> Everything for one table or series and one damping ratio.
-  pure function closed_form(table, series, harmonic, xi, period, most) result(self)
+  pure subroutine make_closed_form(table, series, harmonic, xi, period, most, self, error)
     type(te_table_t), intent(in) :: table           !! g as a table
     type(harmonic_series_t), intent(in) :: series   !! g as a series
     logical, intent(in) :: harmonic                 !! which of the two
     real(wp), intent(in) :: xi                      !! damping ratio
     real(wp), intent(in) :: period                  !! mesh period
     integer, intent(in) :: most                     !! panels, before the scene is graded
-    type(closed_form_t) :: self
+    type(closed_form_t), intent(out) :: self        !! the closed form
+    integer, intent(out) :: error                   !! 0, or there is no memory for it
     integer :: i
     self%harmonic = harmonic
     self%period = period
@@ -111,7 +111,8 @@ contains
       self%q_bound = bound_derivative(self%q, bound_order)
     end if
     self%graded = ordinary_panels(period, self%fastest, merge(0, table%n, harmonic)) > most
-    call cut_panels(self, table)
+    call cut_panels(self, table, error)
+    if (error /= 0) return
     if (harmonic) then
       call sample_series(self)
     else if (self%graded) then
@@ -127,7 +128,7 @@ contains
       self%q_low = min(self%q_low, minval(self%panel(i)%q_bernstein) - self%panel(i)%q_rest)
       self%q_high = max(self%q_high, maxval(self%panel(i)%q_bernstein) + self%panel(i)%q_rest)
     end do
-  end function closed_form
+  end subroutine make_closed_form
 
   !> Panels that are short against all rates of a scene, at most.
   pure real(wp) function ordinary_panels(period, rate, pieces)
@@ -138,9 +139,10 @@ contains
   end function ordinary_panels
 
   !> Panels within table pieces, or even ones.
-  pure subroutine cut_panels(self, table)
+  pure subroutine cut_panels(self, table, error)
     type(closed_form_t), intent(inout) :: self      !! limits are set
     type(te_table_t), intent(in) :: table           !! g as a table
+    integer, intent(out) :: error                   !! 0, or there is no memory for them
     integer :: parts, i, k, at
     real(wp) :: width, rate
     self%n = 0
@@ -152,10 +154,18 @@ contains
         self%n = self%n + parts_of(self, table, i)
       end do
     end if
-    allocate (self%edge(self%n + 1), self%piece(self%n))
+    allocate (self%edge(self%n + 1), stat=error)
+    if (error == 0) allocate (self%piece(self%n), stat=error)
+    if (error == 0) allocate (self%panel(self%n), stat=error)
+    if (error == 0) allocate (self%look_up(0:2*self%n), stat=error)
+    if (error == 0 .and. self%harmonic) allocate (self%g_taylor(0:max_degree, self%n + 1), &
+        stat=error)
+    if (error /= 0) return
     self%piece = 1
     if (self%harmonic) then
-      self%edge = [(self%period*i/self%n, i = 0, self%n)]
+      do i = 0, self%n
+        self%edge(i + 1) = self%period*i/self%n
+      end do
     else
       at = 0
       do i = 1, table%n
@@ -169,7 +179,6 @@ contains
       end do
     end if
     self%edge(self%n + 1) = self%period
-    allocate (self%panel(self%n))
     do i = 1, self%n
       self%panel(i)%half = 0.5_wp*(self%edge(i + 1) - self%edge(i))
       self%panel(i)%middle = self%edge(i) + self%panel(i)%half
@@ -195,7 +204,6 @@ contains
   pure subroutine make_look_up(self)
     type(closed_form_t), intent(inout) :: self      !! look_up is set
     integer :: i, panel
-    allocate (self%look_up(0:2*self%n))
     self%cells = 2*self%n/self%period
     panel = 1
     do i = 0, 2*self%n
@@ -226,7 +234,6 @@ contains
   pure subroutine sample_series(self)
     type(closed_form_t), intent(inout) :: self   !! q and g on the panels are set
     integer :: i
-    allocate (self%g_taylor(0:max_degree, self%n + 1))
     do i = 1, self%n
       associate (panel => self%panel(i))
         call expand_series(self%g, panel%middle, n_taylor, panel%g)

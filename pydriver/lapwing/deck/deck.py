@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lapwing.gear_pair import GearPair
-from lapwing.messages import printable
+from lapwing.base.messages import printable
+from lapwing.model.gear_pair import GearPair
 
 
 @dataclass(frozen=True)

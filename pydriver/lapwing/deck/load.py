@@ -6,7 +6,10 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from lapwing.deck import checks, hints, schema
+from lapwing.base.messages import cut
+from lapwing.deck import schema
+from lapwing.deck.checks import assemble as checks
+from lapwing.deck.checks import hints
 from lapwing.deck.parser import Entry, Group, excess_of, lex_value, parse, read_deck
 from lapwing.deck.problems import DeckError, Place, Report, nearest
 from lapwing.deck.values import (
@@ -18,7 +21,6 @@ from lapwing.deck.values import (
     suspicious_pairs,
     thousands,
 )
-from lapwing.messages import cut
 
 # Tokens that no value consists of.
 _NO_VALUE = ("OPEN", "CLOSE", "KEY", "EQUALS", "HASH")

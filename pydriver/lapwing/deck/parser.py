@@ -8,10 +8,10 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
+from lapwing.base.messages import cut
+from lapwing.base.text_file import TextFileError, read_text
 from lapwing.deck.problems import Place
 from lapwing.deck.values import MAX_LIST
-from lapwing.messages import cut
-from lapwing.text_file import TextFileError, read_text
 
 MAX_BYTES = 4_000_000
 MAX_COUNTS = {"groups": 1000, "keys": 10_000, "words": 200_000}

@@ -6,7 +6,7 @@ import difflib
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from lapwing.messages import bounded, cut, cut_words
+from lapwing.base.messages import bounded, cut, cut_words
 
 
 class Place(NamedTuple):

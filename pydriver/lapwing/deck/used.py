@@ -8,9 +8,9 @@ import os
 import re
 from pathlib import Path
 
+from lapwing.base.messages import cut, printable
 from lapwing.deck import schema
-from lapwing.deck.critical_checks import canonical_values, used_values
-from lapwing.messages import cut, printable
+from lapwing.deck.checks.critical import canonical_values, used_values
 
 _HASH = re.compile(r"^! hash ([0-9a-f]{64})$", re.MULTILINE)
 

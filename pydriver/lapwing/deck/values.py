@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
+from lapwing.base.messages import cut
+from lapwing.base.text_file import REAL, decimal_number
 from lapwing.deck.problems import Place
-from lapwing.messages import cut
-from lapwing.text_file import REAL, decimal_number
 
 # A list longer than this is a slip of the keyboard in a repeat count.
 MAX_LIST = 100_000

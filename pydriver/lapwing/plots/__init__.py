@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lapwing.arrivals import arrivals_in
-from lapwing.exit_codes import is_of_surroundings
-from lapwing.findings import known
+from lapwing.base.arrivals import arrivals_in
+from lapwing.base.exit_codes import is_of_surroundings
+from lapwing.results.findings import known
 
 FORMATS = ("png", "pdf")
 # Modules of this package with a `draw` each, by what they are drawn from.
@@ -143,13 +143,25 @@ def attempt(results, task, folder, formats):
     """Draw one figure into its files, all or none; returns the `Problem`, or None."""
     try:
         data = getattr(results, task.kind)
-        figure = import_module(f"lapwing.plots.{task.module}").draw(
+        figure = figure_module(task.module).draw(
             data if task.name is None else data(task.name), results.gear_pair,
             **_options(results, task))
         _save(figure, [folder / f"{task.stem}.{suffix}" for suffix in formats])
     except Exception as error:
         return Problem(f"{type(error).__name__}: {error}", is_of_surroundings(error))
     return None
+
+
+def figure_module(figure):
+    """Module with the `draw` of a figure: of a sweep and of a response in rooms of their own.
+
+    Parameters
+    ----------
+    figure : str, such as 'orbit_diagram'
+    """
+    rooms = {"sweep.": SWEEP_FIGURES, "response.": RESPONSE_FIGURES}
+    room = next((room for room, figures in rooms.items() if figure in figures), "")
+    return import_module(f"lapwing.plots.{room}{figure}")
 
 
 def _save(figure, paths):
@@ -167,7 +179,7 @@ def _save(figure, paths):
 def _options(results, task):
     """What `draw` of a figure is told besides its data."""
     if task.kind == "sweep":
-        from lapwing.plots.sweep_parts import parameter_of
+        from lapwing.plots.sweep.parts import parameter_of
 
         deck = str(results.attrs.get("deck_name", ""))
         return {"title": f"{deck}, sweep '{task.name}': {task.module.replace('_', ' ')}",
@@ -189,7 +201,7 @@ def _marks(results, parameter, besides=None):
 
 def _claims(results, name):
     """What the source reports, from the responses: they know of impacts as well."""
-    from lapwing.plots.sweep_parts import Claim, parameter_of
+    from lapwing.plots.sweep.parts import Claim, parameter_of
 
     parameter = parameter_of(results.sweep(name))
     claims = []

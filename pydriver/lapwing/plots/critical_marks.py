@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lapwing.findings import search_bounded, search_known
 from lapwing.plots import style
+from lapwing.results.findings import search_bounded, search_known
 
 SYMBOLS = {"full": "T_full", "safe": "T_safe", "back": "T_back", "on": "T_on"}
 # By what is found; T_full has a line of its own where it is stored with the sweep.

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from lapwing.codes import SearchStage
-from lapwing.findings import search_bounded
+from lapwing.base.codes import SearchStage
 from lapwing.plots import style
 from lapwing.plots.critical_marks import draw_marks, label_of
-from lapwing.plots.sweep_parts import AXIS_LABELS
+from lapwing.plots.sweep.parts import AXIS_LABELS
+from lapwing.results.findings import search_bounded
 
 LOOKS = {
     SearchStage.SCAN: {"marker": "o", "color": style.BLUE, "label": "scan, from the safe end"},

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lapwing.arrivals import arrivals_in
-from lapwing.codes import MotionState
+from lapwing.base.arrivals import arrivals_in
+from lapwing.base.codes import MotionState
 
 # Okabe and Ito's palette: told apart by colour-blind readers and by lightness in grey.
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lapwing.findings import START_NAMES
+from lapwing.results.findings import START_NAMES
 
 # Of what the greatest is told: variable, words, factor, unit.
 TOLD = (("dynamic_te_rms", "rms of the dynamic transmission error", 1e6, "µrad"),

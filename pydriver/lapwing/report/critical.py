@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from lapwing.codes import SearchStage
-from lapwing.findings import search_bounded, search_known, words_beyond
+from lapwing.base.codes import SearchStage
 from lapwing.report.words import UNITS, markdown, parameter_words, plural
+from lapwing.results.findings import search_bounded, search_known, words_beyond
 
 SYMBOLS = {"full": "T_full", "safe": "T_safe", "back": "T_back", "on": "T_on"}
 MEANINGS = {"full": "contact can be kept", "safe": "no rattling seen",

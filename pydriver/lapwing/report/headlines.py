@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from lapwing.arrivals import arrivals_in
-from lapwing.codes import Status
+from lapwing.base.arrivals import arrivals_in
+from lapwing.base.codes import Status
 from lapwing.report.critical import headline
 from lapwing.report.numbers import doubtful
 from lapwing.report.words import parameter_words, plural

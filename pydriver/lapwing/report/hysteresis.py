@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from lapwing.arrivals import arrivals_in, per_cycle
-from lapwing.codes import MotionState, Status
-from lapwing.findings import known, rattles, span
+from lapwing.base.arrivals import arrivals_in, per_cycle
+from lapwing.base.codes import MotionState, Status
 from lapwing.report.words import markdown, plural
+from lapwing.results.findings import known, rattles, span
 
 # Branches differ in depth when they do so by more than this part of it.
 DEPTH_DIFFERS = 0.02

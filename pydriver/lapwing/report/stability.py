@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lapwing.codes import Status
+from lapwing.base.codes import Status
 
 # A check that a sum of some hundred roundings keeps; more is an error of the program.
 BROKEN = 1e-10

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from lapwing.arrivals import arrivals_in
-from lapwing.codes import MotionState
-from lapwing.report.answers import findings, findings_lines
+from lapwing.base.arrivals import arrivals_in
+from lapwing.base.codes import MotionState
+from lapwing.report.answers.findings import findings, findings_lines
 from lapwing.report.critical import critical_table, critical_text
 from lapwing.report.numbers import count_words, doubtful, repeats, uncertainty, value_words
 from lapwing.report.stability import aperiodic_words, stability_sentence

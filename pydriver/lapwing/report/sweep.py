@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from lapwing.arrivals import arrivals_in, per_cycle
-from lapwing.codes import Status
-from lapwing.findings import START_NAMES, known, names, rattles, span, words_beyond
+from lapwing.base.arrivals import arrivals_in, per_cycle
+from lapwing.base.codes import Status
 from lapwing.report.amplitudes import amplitude_lines
 from lapwing.report.hysteresis import hysteresis
 from lapwing.report.stability import sweep_stability
 from lapwing.report.words import UNITS, markdown, method_words, parameter_words, plural
+from lapwing.results.findings import START_NAMES, known, names, rattles, span, words_beyond
 
 # A sweep is told in about so many lines, spread over its range.
 TABLE_LINES = 12

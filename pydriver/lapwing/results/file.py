@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
+from lapwing.base.signals import held
 from lapwing.results.checksums import DamagedFile, store_checksums, verify_file
 from lapwing.results.store import Manifest, flush, os_errors, sha256_of
 from lapwing.results.variables import FAILED, described
-from lapwing.signals import held
 
 CONVENTIONS = "CF-1.11"
 # Of names, shapes and meanings in the file; files of version 0.1 have none.
@@ -45,7 +45,7 @@ def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te,
     pair : GearPair
     te : TransmissionError
     osc : Oscillator, at the deck's operating point; says how the table becomes the flank's motion
-    responses : sequence of Dataset, from `lapwing.studies.response.response`, in deck order
+    responses : sequence of Dataset, from `lapwing.studies.response.run.response`, in deck order
     sweeps : dict of name -> Dataset, from `lapwing.sweep`, in deck order
     criticals : dict of name -> Dataset, from `lapwing.critical_full` and the like, or None
     te_source : str or None, the table's file name or formula; default: what the table tells

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lapwing.codes import EventKind, Flank, MotionState, SearchStage, Status
-from lapwing.stability_names import STABILITY
+from lapwing.base.codes import EventKind, Flank, MotionState, SearchStage, Status
+from lapwing.base.stability_names import STABILITY
 
 CODES = {"status": Status, "motion_state": MotionState, "event_kind": EventKind,
          "impact_flank": Flank, "trial_stage": SearchStage}

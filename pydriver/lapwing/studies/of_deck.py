@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from lapwing.codes import Status
+from lapwing.base.codes import Status
 
 
 @dataclass
@@ -68,7 +68,7 @@ def compute(deck, threads, report, known=None):
     -------
     Found
     """
-    from lapwing.studies.critical_of_deck import critical_study
+    from lapwing.studies.critical.of_deck import critical_study
 
     known, found = known or {}, Found()
     try:
@@ -99,7 +99,7 @@ def compute(deck, threads, report, known=None):
 
 def _responses(deck, threads, report, known, found):
     """Add the responses of a deck, in its order; returns whether all are there."""
-    import lapwing.studies.response  # noqa: F401 - by one thread, before there are several
+    import lapwing.studies.response.run  # noqa: F401 - by one thread, before there are several
     from lapwing.studies.side_by_side import side_by_side
 
     orders = [order for order, study in enumerate(deck.responses)
@@ -116,9 +116,9 @@ def _responses(deck, threads, report, known, found):
 
 
 def _response(deck, study, order):
-    from lapwing.studies.critical_of_deck import full_engagement
+    from lapwing.studies.critical.of_deck import full_engagement
     from lapwing.studies.labels import labels
-    from lapwing.studies.response import response
+    from lapwing.studies.response.run import response
 
     result = response(
         deck.oscillator(study), deck.gear_pair, name=study.name, start=study.start,
@@ -134,9 +134,9 @@ def _response(deck, study, order):
 
 
 def _sweep(deck, study, threads, done):
-    from lapwing.studies.critical_of_deck import full_engagement
+    from lapwing.studies.critical.of_deck import full_engagement
     from lapwing.studies.labels import labels
-    from lapwing.studies.sweep import sweep
+    from lapwing.studies.sweep.run import sweep
 
     observe = ("cycles", *["impacts"] * study.impacts, *["exponents"] * study.exponents,
                *["speeds"] * study.speed_density, *["spectra"] * study.order_spectra,

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lapwing import arguments
-from lapwing.arguments import MAX_INT
-from lapwing.codes import MotionState, Status
-from lapwing.engine import CYCLE_NAMES, REST, Numerics, TrajectoryCall, Wanted
-from lapwing.oscillator import Oscillator
+from lapwing.base import arguments
+from lapwing.base.arguments import MAX_INT
+from lapwing.base.codes import MotionState, Status
+from lapwing.engine import REST, Numerics, TrajectoryCall, Wanted, columns
+from lapwing.model.oscillator import Oscillator
 from lapwing.studies.stability import CycleMaps, Multipliers, multiplied, multipliers
 from lapwing.studies.trajectory import checked_start, engine_start
 
@@ -27,8 +27,6 @@ MOST_FOLLOWED = 60
 # A state repeats when it comes back within this part of the motion's size.  Rounding in a state of
 # size one, some 1e-15, is magnified by the map itself; Newton ends where it no longer gains.
 CLOSED = 1e-10
-DEPTH, PHI, PHI_DOT = (CYCLE_NAMES.index(name)
-                       for name in ("deepest_separation", "phi", "phi_dot"))
 
 
 class NoOrbit(RuntimeError):
@@ -57,7 +55,8 @@ class Orbit:
     residual : float, by how much it misses itself, part of the motion's size
     size : float, rad; max(|F|, deepest separation)
     multipliers : Multipliers
-    table : array (cycles, 17), statistics of its mesh cycles, columns `engine.CYCLE_NAMES`
+    table : structured array (cycles,), statistics of its mesh cycles, fields of
+        `engine.records.CYCLE`
     maps : CycleMaps
     """
 
@@ -190,7 +189,7 @@ def _cycle_map(osc, state, x, cycles, numerics):
     end, *image = _strobed(call)
     if end != state:
         return None
-    size = max(abs(osc.force), call.cycles[:, DEPTH].max()) or osc.backlash
+    size = max(abs(osc.force), call.cycles["deepest_separation"].max()) or osc.backlash
     return _Mapped(x, np.array(image), call, CycleMaps.from_rows(call.tangent, osc.period), size,
                    float(np.abs(image - x).max() / size))
 
@@ -211,10 +210,11 @@ def _newton_step(here):
 
 def _orbit(osc, state, here, cycles, numerics):
     """The orbit that Newton found, over its least period."""
-    strobed = here.call.cycles[:, PHI:PHI_DOT + 1]
+    cycle = here.call.cycles
+    strobed = columns(cycle, ("phi", "phi_dot"))
     least = next(p for p in range(1, cycles + 1) if cycles % p == 0 and (
         p == cycles or (np.abs(strobed[p] - here.x).max() / here.size < 100 * CLOSED
-                        and int(here.call.cycles[p, 1]) == state)))
+                        and int(cycle["motion_state"][p]) == state)))
     if least < cycles:
         shorter = _cycle_map(osc, state, here.x, least, numerics)
         if shorter is not None:

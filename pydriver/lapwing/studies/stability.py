@@ -14,7 +14,6 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from lapwing.engine import TANGENT_NAMES
 from lapwing.studies.intervals import mean_interval
 
 # A matrix is wrong by η/(2d), relatively, when the state is known to η only and some impact of the
@@ -59,12 +58,10 @@ class CycleMaps:
 
     @classmethod
     def from_rows(cls, rows, period):
-        """Maps from the engine's lines, array (..., n, 13), columns TANGENT_NAMES."""
-        column = {name: rows[..., i] for i, name in enumerate(TANGENT_NAMES)}
-        return cls(rows[..., :4].reshape(*rows.shape[:-1], 2, 2), column["exponent"],
-                   column["log_det"], column["det_sign"], column["rank"],
-                   column["drive_time"] + column["coast_time"], column["impacts"],
-                   column["log_rebound"], column["graze_depth"], period)
+        """Maps from the engine's table (..., n), `engine.records.TANGENT_TABLE`."""
+        return cls(rows["matrix"], rows["exponent"], rows["log_det"], rows["det_sign"],
+                   rows["rank"], rows["drive_time"] + rows["coast_time"], rows["impacts"],
+                   rows["log_rebound"], rows["graze_depth"], period)
 
     def __getitem__(self, index):
         """The same of some motions or, of a single one, of some cycles."""

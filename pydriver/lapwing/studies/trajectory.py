@@ -7,14 +7,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from lapwing import arguments, engine, estimates
-from lapwing.arguments import MAX_INT, shown
-from lapwing.codes import MotionState, Status
-from lapwing.engine import CYCLE_NAMES, Numerics, TrajectoryCall, Wanted, position
-from lapwing.oscillator import Oscillator
-from lapwing.start import put_on_flank, start_problem
+from lapwing import engine
+from lapwing.base import arguments, estimates
+from lapwing.base.arguments import MAX_INT, shown
+from lapwing.base.codes import MotionState, Status
+from lapwing.engine import Numerics, TrajectoryCall, Wanted, position
+from lapwing.engine.records import CYCLE, CYCLE_REALS, EVENT
+from lapwing.model.oscillator import Oscillator
+from lapwing.model.start import put_on_flank, start_problem
 
-LOG_NAMES = ("kind", "cycle", "t", "phi", "velocity_before", "velocity_after")
 RECORDS = ("events", "cycles", "grazes")
 
 
@@ -235,7 +236,7 @@ def _result(osc, call, origin, cycles, target, numerics):
         motion_state=MotionState(at[2]), phi=float(at[3]), phi_dot=float(at[4]),
         phase=float(at[1] / period), tau=float(_tau(at[0], at[1], phase0, period)),
         _oscillator=osc, _origin=origin, _cycles=cycles, _blob=call.blob)
-    return Run(oscillator=osc, events=_event_dataset(call.log, phase0, period),
+    return Run(oscillator=osc, events=_event_dataset(call.events, phase0, period),
                cycles=_cycle_dataset(call.cycles), final=final, status=call.status,
                work=call.work, method=engine.method_of(osc, numerics), _numerics=numerics)
 
@@ -244,29 +245,23 @@ def _tau(cycle, t, phase0, period):
     return cycle * period + (t - phase0 * period)
 
 
-def _event_dataset(log, phase0, period):
+def _event_dataset(events, phase0, period):
     import xarray as xr
 
-    columns = dict(zip(LOG_NAMES, log.T, strict=True))
-    tau = _tau(columns["cycle"], columns["t"], phase0, period)
-    data = {
-        "tau": tau, "cycle": columns["cycle"].astype(np.int64), "phase": columns["t"] / period,
-        "kind": columns["kind"].astype(np.int8), "phi": columns["phi"],
-        "velocity_before": columns["velocity_before"], "velocity_after": columns["velocity_after"]}
-    dataset = xr.Dataset({name: ("event", values) for name, values in data.items()})
-    for name, units in (("tau", "1"), ("phase", "mesh periods"), ("phi", "rad"),
-                        ("velocity_before", "rad per tau"), ("velocity_after", "rad per tau")):
-        dataset[name].attrs["units"] = units
-    return dataset
+    tau = _tau(events["cycle"], events["t"], phase0, period)
+    data = {"tau": tau, "cycle": events["cycle"].astype(np.int64), "phase": events["t"] / period,
+            "kind": events["kind"].astype(np.int8)}
+    data |= {name: events[name].copy() for name in ("phi", "velocity_before", "velocity_after")}
+    units = EVENT | {"tau": "1", "phase": "mesh periods", "cycle": None, "kind": None}
+    return xr.Dataset({name: ("event", values, {"units": units[name]} if units[name] else {})
+                       for name, values in data.items()})
 
 
-def _cycle_dataset(rows):
+def _cycle_dataset(cycles):
     import xarray as xr
 
-    integer = {name for name in CYCLE_NAMES
-               if name not in ("phi", "phi_dot", "deepest_separation", "deepest_back_penetration")}
-    data = {name: ("cycle", column.astype(np.int64) if name in integer else column)
-            for name, column in zip(CYCLE_NAMES, rows.T, strict=True)}
+    data = {name: ("cycle", cycles[name].copy() if name in CYCLE_REALS
+                   else cycles[name].astype(np.int64)) for name in CYCLE}
     return xr.Dataset(data).set_coords("cycle")
 
 
@@ -280,10 +275,12 @@ def _history(run, taus):
     if run.status != Status.OK:
         end = (int(np.floor(run.final.tau / osc.period + phase0)), run.final.phase * osc.period)
     call.run(end, np.column_stack([cycle, t]))
-    state, phi, phi_dot = call.samples.T
+    samples = call.samples
     return xr.Dataset(
-        {"phase": ("tau", t / osc.period), "motion_state": ("tau", state.astype(np.int8)),
-         "phi": ("tau", phi), "phi_dot": ("tau", phi_dot)}, coords={"tau": taus},
+        {"phase": ("tau", t / osc.period),
+         "motion_state": ("tau", samples["motion_state"].astype(np.int8)),
+         "phi": ("tau", samples["phi"].copy()), "phi_dot": ("tau", samples["phi_dot"].copy())},
+        coords={"tau": taus},
         attrs={"samples": call.work["samples"]})
 
 

@@ -15,7 +15,7 @@ from functools import partial
 import heyoka as hy
 import numpy as np
 
-from lapwing.codes import EventKind
+from lapwing.base.codes import EventKind
 from lapwing_bench.outcome import Record
 from lapwing_bench.problem import problem as problem_of
 from lapwing_bench.rivals.hybrid import COAST, DRIVE, MAX_EVENTS, SEPARATION, back, resolve

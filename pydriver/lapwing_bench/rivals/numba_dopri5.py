@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 from numba import njit
 
-from lapwing.codes import EventKind
+from lapwing.base.codes import EventKind
 from lapwing_bench.outcome import Record
 
 SEPARATION, DRIVE, COAST = 0, 1, 2

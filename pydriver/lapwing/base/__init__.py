@@ -1,0 +1,1 @@
+"""Ground floor: names, codes, arguments, messages; every room may use it."""

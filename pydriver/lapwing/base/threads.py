@@ -1,0 +1,101 @@
+"""How many threads to use where nobody says, and how many there can be."""
+
+from __future__ import annotations
+
+import os
+import re
+import threading
+
+from lapwing.base.arguments import MAX_INT, whole
+
+# More threads than processors gain nothing; some are allowed, to show that no result depends on
+# them, and because a wish made for another machine is no reason to refuse.
+PER_PROCESSOR, AT_LEAST = 4, 16
+_LIST = re.compile(r"\s*\+?([0-9]{1,20})\s*(,\s*\+?[0-9]+\s*)*", re.ASCII)
+_state = {"forked": False}
+
+
+def _born_by_fork():
+    _state["forked"] = True
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_born_by_fork)
+
+
+def default_threads() -> int:
+    """Threads: OMP_NUM_THREADS, SLURM_CPUS_PER_TASK, or the processors this process may use.
+
+    Of a list such as ``4,3,2`` the first number is taken, as OpenMP does.  What is no whole number
+    above 0 is passed over, and the answer is `most_threads` at most.
+    """
+    for name in ("OMP_NUM_THREADS", "SLURM_CPUS_PER_TASK"):
+        found = _LIST.fullmatch(os.environ.get(name, ""))
+        if found and int(found[1]) > 0:
+            return min(int(found[1]), most_threads())
+    return _processors()
+
+
+def most_threads() -> int:
+    """The most threads that are ever begun: four for each processor, at least 16."""
+    return max(AT_LEAST, PER_PROCESSOR * _processors())
+
+
+def checked_threads(threads: object) -> int:
+    """The argument `threads` of a study: None for the default, or a whole number >= 1.
+
+    Raises
+    ------
+    TypeError, ValueError
+        where it is anything else.
+    """
+    return default_threads() if threads is None else whole("threads", threads, 1, MAX_INT)
+
+
+def usable_threads(wanted: int, tasks: int) -> int:
+    """How many of the wanted threads are begun; no result depends on it.
+
+    Not more than there are tasks, than `most_threads`, and than the system lets begin just now
+    (limits of processes or of memory): OpenMP ends the whole process where it fails to begin one.
+    A process born by fork gets one: OpenMP's other threads do not live on in it, and waiting for
+    them would never end.
+    """
+    if _state["forked"]:
+        return 1
+    wanted = max(1, min(wanted, tasks, most_threads()))
+    return wanted if wanted == 1 else 1 + _can_begin(wanted - 1)
+
+
+def _can_begin(wanted):
+    """How many threads can be begun at this moment, of those wanted: by beginning them.
+
+    Where not all can, half of those that could are left to what the others allocate.
+    """
+    release, begun = threading.Event(), []
+    try:
+        for _ in range(wanted):
+            thread = threading.Thread(target=release.wait, daemon=True)
+            thread.start()
+            begun.append(thread)
+    except (RuntimeError, MemoryError):
+        pass
+    finally:
+        release.set()
+        for thread in begun:
+            thread.join()
+    return len(begun) if len(begun) == wanted else len(begun) // 2
+
+
+def _processors():
+    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return max(1, min(allowed or 1, _cgroup_quota()))
+
+
+def _cgroup_quota():
+    """Whole processors a control group grants; a large number where none does."""
+    try:
+        with open("/sys/fs/cgroup/cpu.max", encoding="ascii") as file:
+            quota, period = file.read().split()
+        return max(1, int(quota) // int(period))
+    except (OSError, ValueError, ZeroDivisionError):
+        return 1 << 16

@@ -1,0 +1,1 @@
+"""What is checked of a deck beyond single keys, and the objects made from it."""

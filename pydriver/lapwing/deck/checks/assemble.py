@@ -1,0 +1,365 @@
+"""Checks across keys and groups, and the objects of the driver made from checked keys."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+from lapwing.deck import schema
+from lapwing.deck.checks.critical import build_critical
+from lapwing.deck.checks.hints import of_parameters
+from lapwing.deck.checks.magnitudes import warn_of_order, warn_of_torques, warn_of_units
+from lapwing.deck.checks.ranges import range_values
+from lapwing.deck.checks.te_table import file_table, flat, formula_table
+from lapwing.deck.deck import Deck, Response, Sweep
+from lapwing.deck.problems import Place, nearest
+from lapwing.model.gear_pair import GearPair
+from lapwing.model.oscillator import ParameterError
+from lapwing.model.start import start_problem
+
+
+def assemble(path, text, overrides, readers, report):
+    """The deck, or None; what is wrong goes to `report`.
+
+    Parameters
+    ----------
+    path : Path
+    text : str
+    overrides : tuple of (key, value text)
+    readers : sequence of group readers (`load`), in the order of the deck
+    report : Report
+    """
+    models = {reader.name: reader for reader in readers if reader.name not in schema.STUDIES}
+    studies = [reader for reader in readers if reader.name in schema.STUDIES]
+    if readers:
+        _check_presence(models, studies, Place(str(path)), report)
+    settings = {name: models[name].keys if name in models else group()
+                for name, group in schema.GROUPS.items()
+                if name not in (*schema.STUDIES, *schema.REQUIRED)}
+    settings |= {name: models[name].keys if name in models else None for name in schema.REQUIRED}
+    _check_restitution(models.get("gear_pair"), settings["scene"], report)
+    pair = _gear_pair(models.get("gear_pair"), report)
+    table = _table(models.get("transmission_error"), settings["gear_pair"], path, report)
+    warn_of_units(models.get("gear_pair"), models.get("transmission_error"), table, report)
+    builder = Studies(settings, models, pair, table, report)
+    if builder.operation and pair is not None and "operation" in models:
+        warn_of_torques(models["operation"], pair, builder.operation, None, report)
+    built = {name: tuple(builder.build(reader) for reader in studies if reader.name == name)
+             for name in schema.STUDIES}
+    _check_names(studies, report)
+    if report.refusals:
+        return None
+    settings |= {name: [reader.keys for reader in studies if reader.name == name]
+                 for name in schema.STUDIES}
+    return Deck(path=path, text=text, overrides=overrides, warnings=report.warnings,
+                settings=settings, te_table=table, gear_pair=pair, operation=builder.operation,
+                numerics=settings["numerics"].model_dump(), responses=built["response"],
+                sweeps=built["sweep"], criticals=built["critical"])
+
+
+def _check_presence(models, studies, origin, report):
+    for name in schema.REQUIRED:
+        if name not in models:
+            report.add(origin, f"&{name} is missing")
+    if not studies:
+        report.add(origin, "neither &response nor &sweep nor &critical: nothing to compute")
+
+
+def _check_names(studies, report):
+    """Names are parts of file names; not every file system knows lower from upper case."""
+    seen = {}
+    for reader in studies:
+        if reader.keys is None:
+            continue
+        name = reader.keys.name
+        if (reader.name, name.lower()) in seen:
+            line = seen[reader.name, name.lower()]
+            report.add(reader.places["name"], f"two groups &{reader.name} are named {name!r} "
+                                              f"(the other on line {line})")
+        seen.setdefault((reader.name, name.lower()), reader.places["name"].line)
+
+
+def _relay(error, readers, report):
+    """Report each sentence of an error at the key it names, else at the last group."""
+    problems = error.problems if isinstance(error, ParameterError) else [str(error)]
+    for problem in problems:
+        words = re.findall(r"\w+", problem)
+        places = (reader.places[word] for word in words for reader in reversed(readers)
+                  if word in reader.places)
+        report.add(next(places, readers[-1].place), problem)
+
+
+def _check_restitution(reader, scene, report):
+    """Restitution is asked for where a contact law uses it."""
+    if reader is None or scene is None or scene.contact_law == "compliant" \
+            or reader.mentioned("restitution"):
+        return
+    kind = schema.KeyType(schema.GearPairKeys.model_fields["restitution"])
+    report.add(reader.place, f"&gear_pair lacks restitution, {kind.expected} (ε, coefficient of "
+                             "restitution)")
+
+
+def _gear_pair(reader, report):
+    if reader is None or reader.keys is None:
+        return None
+    try:
+        given = reader.keys.model_dump()
+        # Not given where the contact law has no use for it: any number does.
+        pair = GearPair(**{**given, "restitution": given["restitution"] or 0.0})
+        # Derived numbers overflow where the given ones are absurd together.
+        pair.force(1.0, 1.0)
+        return pair
+    except ArithmeticError:
+        report.add(reader.place, "the numbers of &gear_pair overflow together")
+    except ValueError as error:
+        _relay(error, [reader], report)
+    return None
+
+
+def _table(reader, gear, path, report):
+    """The transmission error; a file is read even if the gear is refused, to report it as well."""
+    if reader is None or reader.keys is None:
+        return None
+    keys = reader.keys
+    if keys.file is not None:
+        _refuse_without(reader, "harmonic_amplitude", ("harmonic_shift", "harmonic_order"), report)
+        teeth = {name: getattr(gear, name) if gear else 1
+                 for name in ("pinion_teeth", "gear_teeth")}
+        table = file_table(keys.file, path.parent, teeth, reader.places["file"], report)
+        if table is not None:
+            _warn_of_sign(table, reader, report)
+        return table
+    if keys.parabola_amplitude is not None:
+        _refuse_without(reader, "harmonic_amplitude", ("harmonic_shift", "harmonic_order"), report)
+        return formula_table({"parabola_amplitude": keys.parabola_amplitude},
+                             reader.places["parabola_amplitude"], report)
+    return _harmonics(reader, report)
+
+
+def _refuse_without(reader, owner, names, report):
+    for name in names:
+        if name in reader.places and owner not in reader.places:
+            report.add(reader.key_places[name], f"{name} goes with {owner} only")
+
+
+def _harmonics(reader, report):
+    keys = reader.keys
+    n = len(keys.harmonic_amplitude)
+    orders = list(range(1, n + 1)) if keys.harmonic_order is None else keys.harmonic_order
+    shifts = [0.0] * n if keys.harmonic_shift is None else keys.harmonic_shift
+    good = True
+    for name, values in (("harmonic_shift", shifts), ("harmonic_order", orders)):
+        if len(values) != n:
+            good = False
+            report.add(reader.places[name], f"{name} has {len(values)} values, harmonic_amplitude "
+                                            f"has {n}; expected as many")
+    if len(set(orders)) != len(orders):
+        good = False
+        report.add(reader.places["harmonic_order"], "harmonic_order: expected each order once")
+    if not good:
+        return None
+    return formula_table({"harmonic_amplitude": [float(a) for a in keys.harmonic_amplitude],
+                          "harmonic_shift": [float(s) for s in shifts],
+                          "harmonic_order": [float(o) for o in orders]},
+                         reader.places["harmonic_amplitude"], report)
+
+
+def _warn_of_sign(table, reader, report):
+    if table.from_pairs and reader.keys.te_sign != "geometric":
+        given = "te_sign" in reader.places
+        place = reader.places["te_sign" if given else "file"]
+        how = "is 'printed'" if given else "is not given and taken as 'printed'"
+        report.add(place, f"{table.keys['file'].name} holds angle pairs, for which geometry says "
+                          f"te_sign = 'geometric'; te_sign {how}", warning=True)
+
+
+class Studies:
+    """Turns groups into studies, each checked as the driver would check it.
+
+    Attributes
+    ----------
+    operation : dict, what &operation, &scene and te_sign give
+    """
+
+    def __init__(self, settings, models, pair, table, report):
+        self._settings, self._models, self._report = settings, models, report
+        self._pair = pair
+        self._refused = any(keys is None for keys in settings.values())
+        self.operation = {} if self._refused else {
+            **_given(settings["operation"], schema.OPERATION),
+            **settings["scene"].model_dump(),
+            "te_sign": settings["transmission_error"].te_sign}
+        self._ready = not self._refused and pair is not None and table is not None
+        self._te = self._table(table) if self._ready else None
+
+    def _table(self, table):
+        """The table where its shape is checked, else a stand-in."""
+        scene = self._settings["scene"]
+        return flat() if scene.back_flank_te or scene.gap == "one_flank" else table.build()
+
+    def build(self, reader):
+        """`Response`, `Sweep` or `Critical` of one group, or None."""
+        keys = reader.keys
+        if keys is None:
+            return None
+        if reader.name == "critical":
+            return build_critical(self, reader, keys, self._report) if self._ready else None
+        return (self._response if reader.name == "response" else self._sweep)(reader, keys)
+
+    def rtol(self, reader):
+        """Tolerance of a study: its own, that of &numerics, or the default."""
+        numerics = self._settings["numerics"]
+        given = reader.keys.rtol or (numerics.rtol if numerics else None)
+        return given or schema.RTOL[reader.name]
+
+    def _response(self, reader, keys):
+        start = self._start(reader, keys)
+        if not self._ready:
+            return None
+        operation = self.own_operation(keys)
+        warn_of_torques(reader, self._pair, operation, None, self._report)
+        oscillator = self.oscillator(reader, self._pair, operation)
+        if oscillator is not None:
+            self._check_start(reader, oscillator, start)
+        return Response(
+            operation=operation, start=start, rtol=self.rtol(reader),
+            **{name: getattr(keys, name) for name in (
+                "name", "settle_cycles", "record_cycles", "samples_per_cycle", "exponents",
+                "claim_impacts_per_cycle", "claim_deepest_separation", "claim_text")})
+
+    def own_operation(self, keys):
+        """The operation with what a study sets itself; its speed, however given, replaces all."""
+        own = _given(keys, schema.OPERATION)
+        operation = self.operation
+        if own.keys() & set(schema.SPEEDS):
+            operation = {k: v for k, v in operation.items() if k not in schema.SPEEDS}
+        return {**operation, **own}
+
+    def _start(self, reader, keys):
+        if keys.start == "rest":
+            for name in ("start_phi", "start_phi_dot"):
+                if name in reader.places:
+                    self._report.add(reader.key_places[name],
+                                     f"{name} goes with a motion state as start, not with 'rest'")
+            return "rest"
+        if keys.start_phi is None:
+            self._report.add(reader.places["start"],
+                             f"start = '{keys.start}' needs start_phi (rad)")
+            return "rest"
+        return keys.start, float(keys.start_phi), float(keys.start_phi_dot or 0.0)
+
+    def _check_start(self, reader, oscillator, start):
+        """Decisions e and k of docs/model.md."""
+        if start == "rest":
+            if oscillator.force < 0 and oscillator.gap == "one_flank":
+                self._report.add(reader.place, "start = 'rest' with a negative force needs a "
+                                               "coast flank to rest on")
+            return
+        state, phi, _ = start
+        numerics = self._settings["numerics"]
+        problem = start_problem(oscillator, state, phi, numerics.start_phase if numerics else 0.0)
+        if problem:
+            self._report.add(reader.places["start_phi"],
+                             f"start_phi = {phi:g} contradicts start = '{state}': {problem}")
+
+    def oscillator(self, reader, pair, operation):
+        """The oscillator, or None: what is missing is said here, the rest by the driver."""
+        complete = self._complete(reader, operation)
+        if not complete:
+            return None
+        try:
+            return pair.oscillator(self._te, **operation)
+        except (ValueError, ArithmeticError) as error:
+            readers = [*(self._models[name] for name in self._models), reader]
+            _relay(error, readers, self._report)
+        return None
+
+    def _complete(self, reader, operation):
+        where = self._models["operation"].place if "operation" in self._models else reader.place
+        lacking = [] if operation.get("brake_torque") is not None else ["brake_torque"]
+        speeds = [name for name in schema.SPEEDS if operation.get(name) is not None]
+        if not speeds:
+            lacking.append("one of " + ", ".join(schema.SPEEDS))
+        for what in lacking:
+            self._report.add(where, f"&operation lacks {what}, which &{reader.name} "
+                                    f"'{reader.keys.name}' needs")
+        return not lacking
+
+    def _sweep(self, reader, keys):
+        name = keys.parameter.strip().lower()
+        group = self.parameter(reader, name)
+        values = range_values(reader, self._report)
+        if group is None or values is None:
+            return None
+        name = name.rpartition(".")[2]
+        starts = tuple(keys.starts)
+        if len(set(starts)) != len(starts):
+            self._report.add(reader.places["starts"], "starts: expected each once")
+        self.check_values(reader, name, group, values)
+        if not self._ready:
+            return None
+        operation = {k: v for k, v in self.operation.items() if k != name}
+        self.check_ends(reader, name, group, values, operation)
+        warn_of_order(reader, self._report)
+        if name == "brake_torque":
+            warn_of_torques(reader, self._pair, operation, values, self._report)
+        return Sweep(name=keys.name, parameter=name, group=group, values=values,
+                     operation=operation, starts=starts, rtol=self.rtol(reader),
+                     settle_cycles=keys.settle_cycles, record_cycles=keys.record_cycles,
+                     impacts=keys.impacts, speed_density=keys.speed_density,
+                     order_spectra=keys.order_spectra, exponents=keys.exponents,
+                     amplitudes=keys.amplitudes)
+
+    def parameter(self, reader, name):
+        """Group of the parameter varied, or None."""
+        known = schema.numeric_parameters()
+        group, _, bare = name.rpartition(".")
+        place = reader.places.get("parameter", reader.place)
+        if bare not in known or group not in ("", known[bare]):
+            full = [*known, *(f"{group}.{key}" for key, group in known.items())]
+            hint = of_parameters(name) or nearest(name, full if group else known)
+            self._report.add(place, f"parameter = {name!r} is no real number of &gear_pair or "
+                                    f"&operation; {hint}")
+            return None
+        for reader_name, model in {**self._models, reader.name: reader}.items():
+            for names in schema.GROUPS[reader_name].exclusive:
+                others = [key for key in names if key != bare and key in model.places]
+                if bare in names and others:
+                    self._report.add(place, f"parameter = {name!r}, but &{reader_name} gives "
+                                            f"{others[0]}; vary that, or give {bare} instead")
+                    return None
+        return known[bare]
+
+    def check_values(self, reader, name, group, values):
+        """Every value against the range of the parameter's own key."""
+        kind = schema.KeyType(schema.GROUPS[group].model_fields[name])
+        limits = kind.limits
+        wrong = [value for value in (values[0], values[-1])
+                 if value < limits.get("ge", value) or value > limits.get("le", value)
+                 or value <= limits.get("gt", value - 1) or value >= limits.get("lt", value + 1)]
+        place = reader.places.get("values") or reader.places["from"]
+        for value in wrong[:1]:
+            self._report.add(place, f"{name} = {value:g} among the values, expected "
+                                    f"{kind.expected}")
+
+    def check_ends(self, reader, name, group, values, operation):
+        """Force is monotonic in each parameter: what holds at both ends holds between them."""
+        for value in map(float, {values[0], values[-1]}):
+            pair, at = self._pair, operation
+            if group == "operation":
+                at = {**operation, name: value}
+            elif self._report.refusals:
+                return
+            else:
+                pair = replace(pair, **{name: value})
+            oscillator = self.oscillator(reader, pair, at)
+            if oscillator is None:
+                return
+            if oscillator.force < 0 and oscillator.gap == "one_flank" and reader.name == "sweep":
+                self._report.add(reader.place, "starts from rest with a negative force need a "
+                                               "coast flank to rest on")
+
+
+def _given(keys, names):
+    """Those of the named keys that are not None."""
+    return {name: getattr(keys, name) for name in names if getattr(keys, name) is not None}

@@ -1,0 +1,137 @@
+"""The transmission error as a deck gives it: checked at once, built when it is wanted.
+
+Building needs SciPy, whose import takes longer than everything else that checking a deck does.
+So a table is built early only where building could still fail or its shape enters a check.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lapwing.base.messages import cut
+from lapwing.deck.problems import Place
+from lapwing.model.transmission_error import TransmissionError
+from lapwing.model.transmission_error_file import TransmissionErrorFileError, read_columns
+
+# Within these bounds every constructor of TransmissionError is known to succeed.
+_PLAIN_VALUES = (1e-12, 1e3)
+_PLAIN_SPACING = 1e-6
+
+
+@dataclass(frozen=True)
+class Table:
+    """What &transmission_error says.
+
+    Attributes
+    ----------
+    keys : dict, the data: `file` and what reading it needs, or the parameters of a formula
+    digest : str, SHA-256 of the data themselves: spelling, comments and place of a file do not
+        enter
+    from_pairs : bool, whether the table comes from angle pairs
+    extent : float, rad; greatest less least of the data themselves, not of a curve through them
+    """
+
+    keys: dict
+    digest: str
+    from_pairs: bool = False
+    extent: float = 0.0
+
+    def build(self):
+        """The `TransmissionError`; ValueError where it cannot be made."""
+        keys = self.keys
+        if "file" in keys:
+            return TransmissionError.from_file(**{"path": keys["file"], **keys["teeth"]})
+        if "parabola_amplitude" in keys:
+            return TransmissionError.parabola(keys["parabola_amplitude"])
+        return TransmissionError.harmonic(
+            keys["harmonic_amplitude"], keys["harmonic_shift"], keys["harmonic_order"])
+
+
+def flat():
+    """A stand-in for checks that do not depend on the table."""
+    return TransmissionError(np.array([0.0, 1.0]), np.zeros((1, 6)), np.zeros(1, dtype=bool))
+
+
+def file_table(name, folder, teeth, place, report):
+    """Table of a CSV file relative to `folder`, or None; its problems go to `report`."""
+    path = Path(folder, name)
+    try:
+        columns, problems = read_columns(path, **teeth)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        report.add(place, f"file = {cut(name, 100)!r} cannot be read: {reason}")
+        return None
+    if problems:
+        _report(path, problems, report)
+        return None
+    pairs = "gear_angle" in columns
+    error = columns["gear_angle"] - teeth["pinion_teeth"] / teeth["gear_teeth"] \
+        * columns["pinion_angle"] if pairs else columns["transmission_error"]
+    table = Table({"file": path, "teeth": teeth}, _digest(columns), pairs, float(np.ptp(error)))
+    if _plain(columns) or _builds(table, Place(str(path)), report):
+        return table
+    return None
+
+
+def formula_table(keys, place, report):
+    """Table of a parabola or of harmonics, or None; its problems go to `report`."""
+    amplitudes = np.abs(np.atleast_1d(
+        keys.get("harmonic_amplitude", keys.get("parabola_amplitude")))).astype(float)
+    table = Table(keys, _digest(keys), extent=_extent(keys))
+    if np.all((amplitudes == 0) | (amplitudes > _PLAIN_VALUES[0])) \
+            or _builds(table, place, report):
+        return table
+    return None
+
+
+def _extent(keys):
+    """From peak to peak: of the parabola, or of the series at even phases."""
+    if "parabola_amplitude" in keys:
+        return abs(float(keys["parabola_amplitude"]))
+    phase = 2 * np.pi * np.arange(1024) / 1024
+    return float(np.ptp(sum(amplitude * np.cos(order * phase + shift) for amplitude, shift, order
+                            in zip(keys["harmonic_amplitude"], keys["harmonic_shift"],
+                                   keys["harmonic_order"], strict=True))))
+
+
+def _plain(columns):
+    """Whether building a table of these columns is known to succeed."""
+    if "gear_angle" in columns:
+        return False
+    values = np.abs(np.concatenate([column for name, column in columns.items()
+                                    if name not in ("phase", "kink")]))
+    phase = columns["phase"]
+    spacing = np.diff(phase, append=phase[0] + 1).min()
+    enough = phase.size >= 3 or any(name.startswith("slope") for name in columns)
+    return enough and values.max() < _PLAIN_VALUES[1] and spacing > _PLAIN_SPACING
+
+
+def _builds(table, place, report):
+    try:
+        with np.errstate(all="ignore"):
+            table.build()
+    except TransmissionErrorFileError as error:
+        _report(error.path, error.problems, report)
+    except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
+        report.add(place, f"the transmission error cannot be made: {error}")
+    else:
+        return True
+    return False
+
+
+def _report(path, problems, report):
+    for line, column, text in problems:
+        report.add(Place(str(path), line, column), text)
+
+
+def _digest(numbers):
+    """Of numbers or arrays by name; -0.0 is 0.0."""
+    total = hashlib.sha256()
+    for name, value in numbers.items():
+        data = (np.asarray(value, dtype="<f8") + 0.0).astype("<f8").tobytes()
+        total.update(f"{name}:{len(data)}:".encode() + data)
+    return total.hexdigest()

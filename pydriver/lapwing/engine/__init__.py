@@ -1,0 +1,28 @@
+"""The compiled engine as Python sees it: calls, numerics, and what comes out by name."""
+
+from lapwing.engine.calls import (
+    CALL_SECONDS,
+    GO_ON,
+    REST,
+    SweepResult,
+    TrajectoryCall,
+    common_method,
+    flank_motion,
+    method_of,
+    position,
+    sweep,
+)
+from lapwing.engine.numerics import METHODS, Numerics, Wanted
+from lapwing.engine.records import (
+    columns,
+    impacts_of,
+    named,
+    numbers,
+    of_kind,
+    unknown,
+    work_counts,
+)
+
+__all__ = ["CALL_SECONDS", "GO_ON", "METHODS", "REST", "Numerics", "SweepResult", "TrajectoryCall",
+           "Wanted", "columns", "common_method", "flank_motion", "impacts_of", "method_of", "named",
+           "numbers", "of_kind", "position", "sweep", "unknown", "work_counts"]

@@ -1,0 +1,308 @@
+"""The only importer of the compiled engine: packs arguments, repeats bounded calls, unpacks.
+
+One call into the engine does at most `CALL_SECONDS` of work, so that Ctrl-C is felt at once; the
+run between two calls is one array (`blob`), and where a run is cut changes no bit of it.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from lapwing._engine import api
+from lapwing.base.codes import ContactLaw, Gap, ImpactLaw, Method, Status
+from lapwing.base.threads import usable_threads
+from lapwing.engine.records import (
+    CYCLE_TABLE,
+    EVENT_TABLE,
+    OUTCOME_TABLE,
+    SAMPLE_TABLE,
+    TANGENT_TABLE,
+    named,
+    work_counts,
+)
+from lapwing.model.linear_response import response_amplification
+
+CALL_SECONDS = 0.4
+LOG_ROOM = 1 << 16
+LINE_DONE = 4  # fortran/run/sweep.f90, stage_done
+
+(BLOB_SIZE, WORK_SIZE, LOG_COLUMNS, CYCLE_COLUMNS, SAMPLE_COLUMNS, N_REALS, N_CHOICES,
+ TANGENT_COLUMNS) = (int(n) for n in api.sizes())
+
+# How `trajectory` is told to begin, besides the number of a motion state.
+GO_ON, REST = -2.0, -1.0
+# f2py takes no empty array; this one stands for no samples.
+NO_SAMPLE = np.array([[-1.0], [0.0]])
+# ... and this one for a transmission error that is no harmonic series.
+NO_SERIES = np.array([[-1.0], [0.0], [0.0]])
+# Three of sixteen digits may be lost between response and free oscillation.
+MOST_AMPLIFIED = 1e3
+EXACT_CHATTER_TOL = 1e-13
+# From about here on the closed form is graded (most_panels times panel_span of
+# fortran/flow/exact/response.f90): its parts are pieces of the table each by itself, and no
+# periodic response is among them.
+GRADED_SPAN = 1.31e5
+# A longer harmonic series is taken from its table (flank/series.f90, max_terms).
+MAX_TERMS = 8
+
+
+def _series_is_taken(osc):
+    """Whether the closed form takes a transmission error as its series, not as a table."""
+    return 0 < len(osc.te.harmonics) <= MAX_TERMS
+
+
+def _table_arguments(oscillators, method="rk4"):
+    """Knots, coefficients, kinks and series shared by all oscillators.
+
+    Only differences of g matter unless the coast flank stands still; the table is then shifted
+    to the middle of its range, so that a large constant costs no digits.
+    """
+    te = oscillators[0].te
+    # The closed form takes the series itself.
+    if method == "exact" and _series_is_taken(oscillators[0]):
+        return (np.array([0.0, 1.0]), np.zeros((6, 1), order="F"), np.zeros(1, dtype=np.intc),
+                np.asfortranarray(te.harmonics.T))
+    coefficients = np.asfortranarray(te.coefficients.T.copy())
+    if oscillators[0].back_flank_te:
+        coefficients[0] -= 0.5 * sum(te.extrema)
+    return te.knots, coefficients, te.kinks.astype(np.intc), NO_SERIES
+
+
+def method_of(osc, numerics):
+    """'exact' or 'rk4': how an oscillator is moved under `numerics`.
+
+    The closed form of contact is a periodic response plus a free oscillation. Near an undamped
+    resonance both grow without bound and leave no digits in their sum; RK4 has no such trouble.
+
+    Raises
+    ------
+    ValueError
+        where 'exact' is asked for and the response is more than `MOST_AMPLIFIED` times its cause.
+    """
+    if numerics.method == "rk4":
+        return "rk4"
+    amplified = response_amplification(osc)
+    span = osc.period * max(1.0, 2 * osc.damping_ratio)
+    graded = span > GRADED_SPAN and not _series_is_taken(osc)
+    if amplified <= MOST_AMPLIFIED or graded:
+        return "exact"
+    if numerics.method == "auto":
+        return "rk4"
+    raise ValueError(f"method = 'exact': so near to an undamped resonance (amplification "
+                     f"{amplified:.3g}) the closed form loses its digits; take 'rk4'")
+
+
+def common_method(oscillators, numerics):
+    """`method_of` many oscillators moved together: 'rk4' where one of them needs it."""
+    # Most are the same but for their force, which does not matter here.
+    distinct = {(id(osc.te), osc.mesh_frequency_ratio, osc.damping_ratio): osc
+                for osc in oscillators}
+    methods = {method_of(osc, numerics) for osc in distinct.values()}
+    return "rk4" if "rk4" in methods else "exact"
+
+
+def _real_parameters(osc, numerics, method, wanted):
+    chatter_tol = numerics.chatter_tol
+    if chatter_tol is None:
+        chatter_tol = EXACT_CHATTER_TOL if method == "exact" else min(numerics.rtol, 1e-10)
+    low, high = osc.flank_extrema
+    return [osc.force, osc.mesh_frequency_ratio, osc.flank_scale, high - low, osc.damping_ratio,
+            osc.restitution, osc.backlash, numerics.rtol, chatter_tol, numerics.count_depth,
+            wanted.graze_distance, *(wanted.speed_edges[::len(wanted.speed_edges) - 1]
+                                     if wanted.speed_edges else (1.0, 2.0))]
+
+
+def _choices(osc, numerics, method, wanted, settle=0, record=0):
+    codes = (ContactLaw[osc.contact_law.upper()], ImpactLaw[osc.impact_law.upper()],
+             Gap[osc.gap.upper()], osc.back_flank_te, numerics.max_events_per_cycle,
+             numerics.max_steps_per_cycle, wanted.events, wanted.impacts, wanted.grazes,
+             wanted.strobe or wanted.tangent, wanted.cycles, settle, record,
+             Method[method.upper()], wanted.tangent, numerics.copy_repeats)
+    return np.array([int(code) for code in codes], dtype=np.intc)
+
+
+def flank_motion(osc, t):
+    """g, g' and g'' of an oscillator as the engine evaluates them.
+
+    Parameters
+    ----------
+    t : array (n,), τ in the mesh period, 0 <= t < P
+
+    Returns
+    -------
+    array (3, n), rad, rad, rad (per τ and τ²)
+    """
+    t = np.ascontiguousarray(t, dtype=float)
+    knots, _, kinks, _ = _table_arguments([osc])
+    coefficients = np.asfortranarray(osc.te.coefficients.T)
+    return api.evaluate_table(knots, coefficients, kinks, osc.flank_scale, osc.period, t)
+
+
+class TrajectoryCall:
+    """One trajectory under way: repeated bounded calls from a start, or from a blob, to a target.
+
+    After `run`, `events`, `cycles`, `samples` and, where it is wanted, `tangent` are tables of
+    `records`: structured arrays (n,).
+    """
+
+    def __init__(self, osc, start, blob=None, cycle=0, *, numerics, wanted):
+        method = method_of(osc, numerics)
+        self._fixed = (*_table_arguments([osc], method),
+                       np.array(_real_parameters(osc, numerics, method, wanted)),
+                       _choices(osc, numerics, method, wanted))
+        self._start = np.array(start, dtype=float)
+        self.blob = np.zeros(BLOB_SIZE) if blob is None else blob.copy()
+        self._wanted = wanted
+        self.cycle = cycle
+
+    def run(self, target, sample_times):
+        """Go on until the target (cycle, t); `sample_times` is (n, 2), cycle and t, rising."""
+        wants_log = self._wanted.events or self._wanted.grazes
+        log = np.zeros((LOG_COLUMNS, LOG_ROOM if wants_log else 1), order="F")
+        by_cycle = self._wanted.cycles or self._wanted.strobe or self._wanted.tangent
+        room = 4096 if by_cycle else 1
+        samples = np.full((SAMPLE_COLUMNS, len(sample_times)), np.nan, order="F")
+        times = np.asfortranarray(np.asarray(sample_times, dtype=float).reshape(-1, 2).T)
+        logs, cycles, tangents, sampled, cycle = [], [], [], 0, self.cycle
+        while True:
+            # The engine drops what has no room, so the target of a call stays within the table.
+            step_target = target
+            if room > 1 and target[0] - cycle > room:
+                step_target = (cycle + room, 0.0)
+            table = np.zeros((CYCLE_COLUMNS, room), order="F")
+            tangent = np.zeros((TANGENT_COLUMNS, room if self._wanted.tangent else 1), order="F")
+            rest = np.full((SAMPLE_COLUMNS, max(1, samples.shape[1] - sampled)), np.nan, order="F")
+            rest_times = np.asfortranarray(times[:, sampled:] if sampled < times.shape[1]
+                                           else NO_SAMPLE)
+            done = api.trajectory(
+                *self._fixed, self._start, np.array(step_target, dtype=float), CALL_SECONDS,
+                self.blob, rest_times, rest, log, table, tangent)
+            self._start[0] = GO_ON
+            taken = int(np.count_nonzero(~np.isnan(rest[0])))
+            samples[:, sampled:sampled + taken] = rest[:, :taken]
+            sampled += taken
+            logs.append(log[:, :int(done[1])].T.copy())
+            cycles.append(table[:, :int(done[2])].T.copy())
+            tangents.append(tangent[:, :int(done[2])].T.copy())
+            cycle = int(done[3])
+            status = Status(int(done[0]))
+            if status != Status.UNFINISHED and (status != Status.OK or step_target == target):
+                break
+        self.status = status
+        self.cycle, self.t, self.motion_state, self.phi, self.phi_dot = (
+            cycle, done[4], int(done[5]), done[6], done[7])
+        self.events = named(np.vstack(logs), EVENT_TABLE)
+        self.cycles = named(np.vstack(cycles), CYCLE_TABLE)
+        self.samples = named(samples.T, SAMPLE_TABLE)
+        self.tangent = named(np.vstack(tangents), TANGENT_TABLE) if self._wanted.tangent else None
+        return self
+
+    @property
+    def work(self):
+        """Counts of what was done since the trajectory began."""
+        return work_counts(self.blob[:WORK_SIZE])
+
+
+@dataclass
+class SweepResult:
+    """Tables of a sweep (`records`): outcome (points,), cycles (points, record), events.
+
+    `events` is (points, log_room), NaN where nothing was met; `tangent` (points, record) where it
+    was wanted; `density` an array (points, bins + 2); `cpu_seconds` is the processor time spent
+    inside the compiled engine.
+    """
+
+    outcome: np.ndarray
+    cycles: np.ndarray
+    tangent: np.ndarray
+    density: np.ndarray
+    events: np.ndarray
+    interrupted: bool = False
+    cpu_seconds: float = 0.0
+
+
+def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_room, threads,
+          progress=None, keep_interrupted=False):
+    """Run many oscillators of one table in lines.
+
+    Parameters
+    ----------
+    oscillators : sequence of Oscillator, one per point, all with the same table and laws
+    lines : sequence of (first, last, carried), points from first to last inclusive, 0-based,
+        either way; carried: each point begins where the one before ended
+    starts : sequence of (motion state or REST, phi, phi', phase), one per line, for its first
+        point; later ones begin at the same phase
+    settle, record : int, cycles before recording and cycles recorded
+    log_room : int, lines of the log kept per point: impacts beyond that are dropped
+    threads : int, wanted; `threads.usable_threads` says how many are begun
+    progress : callable(fraction) or None, called between calls into the engine
+    keep_interrupted : bool, whether Ctrl-C ends the sweep with what is finished, the other points
+        with status UNFINISHED, instead of raising KeyboardInterrupt
+
+    Returns
+    -------
+    SweepResult
+
+    Raises
+    ------
+    ValueError
+        where events or near-grazes are wanted and their log is full.
+    """
+    n = len(oscillators)
+    method = common_method(oscillators, numerics)
+    table_arguments = _table_arguments(oscillators, method)
+    reals = np.asfortranarray(
+        np.array([_real_parameters(osc, numerics, method, wanted) for osc in oscillators]).T)
+    table = np.array([[first + 1, last + 1, carried, first + 1, 0]
+                      for first, last, carried in lines], dtype=np.intc)
+    table = np.asfortranarray(table.T)
+    starts = np.asfortranarray(np.array(starts, dtype=float).reshape(-1, 4).T)
+    blobs = np.zeros((BLOB_SIZE, len(lines)), order="F")
+    wants_cycles = wanted.cycles or wanted.strobe or wanted.tangent
+    cycles = np.full((CYCLE_COLUMNS, record if wants_cycles else 1, n), np.nan, order="F")
+    tangent = np.full((TANGENT_COLUMNS, *((record, n) if wanted.tangent else (1, 1))), np.nan,
+                      order="F")
+    density = np.zeros((len(wanted.speed_edges) + 1, n) if wanted.speed_edges else (1, 1),
+                       order="F")
+    waits = wanted.events or wanted.grazes
+    log = np.full((LOG_COLUMNS, log_room if waits or wanted.impacts else 1, n), np.nan, order="F")
+    outcome = np.full((5 + WORK_SIZE, n), np.nan, order="F")
+    outcome[0] = Status.UNFINISHED
+    choices = _choices(oscillators[0], numerics, method, wanted, settle, record)
+    interrupted, cpu_seconds = False, 0.0
+    try:
+        while np.any(table[4] < LINE_DONE):
+            before = (table.copy(), blobs.copy()) if waits else None
+            begun = time.process_time()
+            api.sweep(*table_arguments, reals, choices, table, starts, CALL_SECONDS,
+                      usable_threads(threads, len(lines)),
+                      blobs, cycles, tangent, density, log, outcome)
+            cpu_seconds += time.process_time() - begun
+            if before and all(map(np.array_equal, before, (table, blobs))):
+                raise ValueError(f"sweep: a log of log_room = {log_room} lines is full; events and "
+                                 "near-grazes are never dropped")
+            if progress is not None:
+                progress(float(np.mean(outcome[0] != Status.UNFINISHED)))
+    except KeyboardInterrupt:
+        if not keep_interrupted:
+            raise
+        interrupted = True
+        cycles[:, :, outcome[0] == Status.UNFINISHED] = np.nan
+        if wanted.tangent:
+            tangent[:, :, outcome[0] == Status.UNFINISHED] = np.nan
+        log[:, :, outcome[0] == Status.UNFINISHED] = np.nan
+    return SweepResult(named(outcome.T, OUTCOME_TABLE),
+                       named(cycles.transpose(2, 1, 0), CYCLE_TABLE),
+                       named(tangent.transpose(2, 1, 0), TANGENT_TABLE), density.T,
+                       named(log.transpose(2, 1, 0), EVENT_TABLE), interrupted, cpu_seconds)
+
+
+def position(phase, cycles, period):
+    """Cycle and time in it of a position given as start phase + cycles since the start."""
+    total = phase + cycles
+    cycle = math.floor(total)
+    return int(cycle), (total - cycle) * period

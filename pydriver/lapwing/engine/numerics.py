@@ -1,0 +1,75 @@
+"""How a run is computed and what it records."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from lapwing.base import arguments
+from lapwing.base.arguments import Refusals
+
+METHODS = ("auto", "exact", "rk4")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Numerics:
+    """Tolerances and bounds of a run.
+
+    Parameters
+    ----------
+    method : 'auto', 'exact' or 'rk4'
+        closed form between events, or adaptive Runge-Kutta; 'auto': the first where it can be
+    rtol : float, 1e-13 to 1e-2
+        local error per step over the natural size of angles and velocities (docs/model.md)
+    chatter_tol : float or None
+        error of the end of a complete chatter, in mesh periods; default 1e-13, with rk4
+        min(rtol, 1e-10)
+    count_depth : float, 0 to 1
+        a counted impact ends a flight deeper than this part of its cycle's deepest separation
+    max_events_per_cycle, max_steps_per_cycle : int
+        bounds after which a run ends with a status
+    copy_repeats : bool
+        whether rounds of cycles that begin with the same bits are computed once and then copied:
+        the same results, sooner
+    """
+
+    method: str = "auto"
+    rtol: float = 1e-10
+    chatter_tol: float | None = None
+    count_depth: float = 0.01
+    max_events_per_cycle: int = 1_000_000
+    max_steps_per_cycle: int = 10_000_000
+    copy_repeats: bool = True
+
+    def __post_init__(self):
+        taken = Refusals()
+        checked = {
+            "method": taken.take(arguments.choice, "method", self.method, METHODS),
+            "rtol": taken.take(arguments.real, "rtol", self.rtol, low=1e-13, high=1e-2),
+            "count_depth": taken.take(arguments.real, "count_depth", self.count_depth, low=0.0,
+                                      high=1.0),
+            "copy_repeats": taken.take(arguments.flag, "copy_repeats", self.copy_repeats)}
+        if self.chatter_tol is not None:
+            checked["chatter_tol"] = taken.take(
+                arguments.real, "chatter_tol", self.chatter_tol, above=0.0, high=1e-2)
+        for key in ("max_events_per_cycle", "max_steps_per_cycle"):
+            checked[key] = taken.take(arguments.whole, key, getattr(self, key), 1)
+        taken.raise_if_any("numerics")
+        for key, value in checked.items():
+            object.__setattr__(self, key, value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wanted:
+    """What a run records; what is not named is neither computed nor stored.
+
+    `speed_edges` (rad per τ, of equal ratio; sweeps only) are the bins of impact speeds.
+    """
+
+    events: bool = False
+    impacts: bool = False
+    grazes: bool = False
+    strobe: bool = False
+    cycles: bool = False
+    tangent: bool = False
+    graze_distance: float = 0.0
+    speed_edges: tuple = ()

@@ -1,0 +1,83 @@
+"""What the engine's arrays hold, by name and unit: the one place that knows their columns.
+
+A table comes out as a structured array, one entry a line: `cycles["phi"]` is a column, and
+`events[events["kind"] == EventKind.IMPACT]` are some of the lines, both without a copy of the rest.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lapwing.base.codes import EventKind
+
+RATE = "rad per tau"
+# Columns of each table, in the engine's order: name -> unit. Velocities of an event are relative
+# to the flank touched; `t` is the time since the cycle's beginning.
+EVENT = {"kind": "1", "cycle": "1", "t": "1", "phi": "rad", "velocity_before": RATE,
+         "velocity_after": RATE}
+SAMPLE = {"motion_state": "1", "phi": "rad", "phi_dot": RATE}
+CYCLE = {"cycle": "1", "motion_state": "1", "phi": "rad", "phi_dot": RATE} | dict.fromkeys(
+    ("impacts", "back_impacts", "counted_impacts", "counted_back_impacts", "releases",
+     "back_releases", "engages", "back_engages", "chatter_ends", "back_chatter_ends"), "1") | {
+         "deepest_separation": "rad", "deepest_back_penetration": "rad", "states_visited": "1"}
+# Columns of the cycle table that are no whole numbers, and those that a strobe alone fills.
+CYCLE_REALS = tuple(name for name, unit in CYCLE.items() if unit != "1")
+STROBED = ("motion_state", "phi", "phi_dot")
+# Lines of the tangent map behind its matrix: fortran/observers/tangent.f90.
+TANGENT = ("exponent", "log_det", "det_sign", "rank", "drive_time", "coast_time", "impacts",
+           "log_rebound", "graze_depth")
+WORK_NAMES = ("steps", "rejected_steps", "polish_steps", "drive_flank_searches",
+              "coast_flank_searches", "samples", "depth_searches", "graze_searches",
+              "stretches")
+
+EVENT_TABLE, SAMPLE_TABLE, CYCLE_TABLE = (
+    np.dtype([(name, float) for name in columns]) for columns in (EVENT, SAMPLE, CYCLE))
+TANGENT_TABLE = np.dtype([("matrix", float, (2, 2)), *((name, float) for name in TANGENT)])
+# How each point of a sweep ended: `logged` lines of its log were met, also those without room.
+OUTCOME_TABLE = np.dtype([(name, float) for name in ("status", "logged", *SAMPLE)]
+                         + [("work", float, (len(WORK_NAMES),))])
+
+
+def named(rows, table):
+    """The engine's rows by name.
+
+    Parameters
+    ----------
+    rows : array (..., columns)
+    table : dtype, one of those above
+
+    Returns
+    -------
+    structured array (...), a view where the last axis is contiguous
+    """
+    return np.ascontiguousarray(rows).view(table)[..., 0]
+
+
+def numbers(table):
+    """The other way: array (..., columns) of a structured array."""
+    return np.ascontiguousarray(table).view(float).reshape(*table.shape, -1)
+
+
+def unknown(table, *shape):
+    """A table of NaN, for what was not recorded."""
+    return named(np.full((*shape, table.itemsize // 8), np.nan), table)
+
+
+def columns(table, names):
+    """Some columns side by side, array (..., names)."""
+    return np.stack([table[name] for name in names], axis=-1)
+
+
+def of_kind(events, kinds):
+    """Those of the events that are of some kinds."""
+    return events[np.isin(events["kind"], list(kinds))]
+
+
+def impacts_of(events):
+    """The impacts among events, at either flank."""
+    return of_kind(events, (EventKind.IMPACT, EventKind.BACK_IMPACT))
+
+
+def work_counts(array):
+    """Named counts of what the engine did, as a dict of int."""
+    return {name: int(count) for name, count in zip(WORK_NAMES, array, strict=True)}

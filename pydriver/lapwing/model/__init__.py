@@ -1,0 +1,1 @@
+"""The gear pair as a mathematical object: transmission error, oscillator, linear response."""

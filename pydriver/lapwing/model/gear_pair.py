@@ -1,0 +1,208 @@
+"""The spiral-bevel pair in physical units and its reduction to the dimensionless oscillator."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+from lapwing.base import arguments
+from lapwing.base.arguments import LEAST, MOST, Refusals
+from lapwing.model.oscillator import Oscillator, ParameterError, Scales, number_problems
+
+
+@dataclass(frozen=True)
+class GearPair:
+    """Two rigid bodies coupled by the mesh; torsion only.
+
+    Parameters
+    ----------
+    pinion_teeth, gear_teeth : int; Z1, Z2
+    pinion_inertia, gear_inertia : float, kg·m²; J1, J2, shafts included
+    pinion_base_lever : float, m; r_m1·n_mt, lever of the normal mesh force about the pinion axis
+    mesh_stiffness : float, N/m; k', mean, along the normal
+    backlash : float, rad; θ0, seen by the relative coordinate
+    restitution : float; ε, 0 to 1
+    damping_ratio : float; ξ          } exactly one of the two
+    mesh_damping : float, N·s/m; c'   }
+
+    Raises
+    ------
+    ParameterError
+        (a ValueError) listing every parameter refused.
+    """
+
+    pinion_teeth: int
+    gear_teeth: int
+    pinion_inertia: float
+    gear_inertia: float
+    pinion_base_lever: float
+    mesh_stiffness: float
+    backlash: float
+    restitution: float
+    damping_ratio: float | None = None
+    mesh_damping: float | None = None
+
+    def __post_init__(self):
+        taken = Refusals()
+        for key in ("pinion_teeth", "gear_teeth"):
+            count = taken.take(arguments.whole, key, getattr(self, key), 1)
+            object.__setattr__(self, key, getattr(self, key) if count is None else count)
+        problems = taken.problems
+        damping = [key for key in ("damping_ratio", "mesh_damping")
+                   if getattr(self, key) is not None]
+        if len(damping) != 1:
+            problems.append("exactly one of damping_ratio and mesh_damping is expected, not "
+                            + (" and ".join(damping) or "none"))
+        problems += number_problems(
+            self, positive=("pinion_inertia", "gear_inertia", "pinion_base_lever",
+                            "mesh_stiffness", "backlash"),
+            not_negative=damping, unit_interval=("restitution",))
+        problems = problems or self._derived_problems()
+        if problems:
+            raise ParameterError("gear pair", problems)
+
+    def _derived_problems(self):
+        """What the numbers give together where that leaves the range of numbers."""
+        problems = []
+        for name in ("equivalent_inertia", "torsional_stiffness", "natural_frequency",
+                     "force_per_torque", "xi"):
+            try:
+                value = getattr(self, name)
+                within = value == 0 if name == "xi" and value == 0 else LEAST <= value <= MOST
+            except ArithmeticError:
+                value, within = math.nan, False
+            if not within:
+                problems.append(f"{_FROM[name]} together give {name} = {value:.3g}, expected "
+                                f"{LEAST:g} to {MOST:g}")
+        return problems[:1]
+
+    @property
+    def gear_ratio(self):
+        """i12 = Z2/Z1."""
+        return self.gear_teeth / self.pinion_teeth
+
+    @property
+    def equivalent_inertia(self):
+        """J = J1·J2/(i12²·J1 + J2), kg·m²."""
+        weighted = self.gear_ratio**2 * self.pinion_inertia + self.gear_inertia
+        return self.pinion_inertia * self.gear_inertia / weighted
+
+    @property
+    def torsional_stiffness(self):
+        """k = k'·(r_m1·n_mt)², N·m/rad."""
+        return self.mesh_stiffness * self.pinion_base_lever**2
+
+    @property
+    def natural_frequency(self):
+        """ω' = √(k/J), rad/s."""
+        return math.sqrt(self.torsional_stiffness / self.equivalent_inertia)
+
+    @property
+    def xi(self):
+        """Damping ratio ξ = c'·(r_m1·n_mt)²/(2√(J·k)), or as given."""
+        if self.damping_ratio is not None:
+            return self.damping_ratio
+        critical = 2 * math.sqrt(self.equivalent_inertia * self.torsional_stiffness)
+        return self.mesh_damping * self.pinion_base_lever**2 / critical
+
+    @property
+    def force_per_torque(self):
+        """F per brake torque at the balance T_m = T_l/i12: 1/(i12·J·ω'²), rad/(N·m)."""
+        return 1 / (self.gear_ratio * self.torsional_stiffness)
+
+    def force(self, brake_torque, drive_torque=None):
+        """F = i12·T_l/(J2·ω'²) + T_m/(J1·ω'²), rad; torques in N·m, default T_m = T_l/i12.
+
+        Raises
+        ------
+        TypeError, ValueError
+            for a torque that is no finite number.
+        """
+        brake_torque = arguments.real("brake_torque", brake_torque)
+        if drive_torque is not None:
+            drive_torque = arguments.real("drive_torque", drive_torque)
+        if drive_torque is None:
+            return self.force_per_torque * brake_torque
+        gear = self.gear_ratio * brake_torque / self.gear_inertia
+        return (gear + drive_torque / self.pinion_inertia) / self.natural_frequency**2
+
+    def oscillator(self, te, *, brake_torque, drive_torque=None, pinion_speed_rpm=None,
+                   pinion_speed_rad_s=None, mesh_frequency_hz=None, contact_law="restitution",
+                   impact_law="relative", gap="one_sided", back_flank_te=True,
+                   te_sign="printed"):
+        """Reduce to the dimensionless oscillator; F as in `force`, Ω = Z1·n1/ω'.
+
+        Parameters
+        ----------
+        te : TransmissionError
+        brake_torque : float, N·m; mean, on the gear
+        drive_torque : float, N·m; mean, on the pinion; default: balance
+        pinion_speed_rpm, pinion_speed_rad_s, mesh_frequency_hz : exactly one, > 0
+        contact_law, impact_law, gap, back_flank_te, te_sign : see `Oscillator`
+
+        Raises
+        ------
+        ParameterError
+            (a ValueError) listing everything refused, the oscillator's own refusals included.
+        """
+        speeds = {"pinion_speed_rpm": pinion_speed_rpm, "pinion_speed_rad_s": pinion_speed_rad_s,
+                  "mesh_frequency_hz": mesh_frequency_hz}
+        problems = _drive_problems(speeds, brake_torque, drive_torque)
+        # A stand-in of 1 where the operating point is refused lets the rest be checked as well.
+        force = 1.0 if problems else self.force(brake_torque, drive_torque)
+        ratio = 1.0 if problems else self.mesh_frequency(**speeds) / self.natural_frequency
+        try:
+            result = Oscillator(
+                te, force=force, mesh_frequency_ratio=ratio, gear_ratio=self.gear_ratio,
+                damping_ratio=self.xi, restitution=self.restitution, backlash=self.backlash,
+                contact_law=contact_law, impact_law=impact_law, gap=gap,
+                back_flank_te=back_flank_te, te_sign=te_sign,
+                scales=Scales(self.natural_frequency, self.force_per_torque))
+        except ParameterError as error:
+            problems += error.problems
+        if problems:
+            raise ParameterError("oscillator", problems)
+        return result
+
+    def mesh_frequency(self, pinion_speed_rpm=None, pinion_speed_rad_s=None,
+                       mesh_frequency_hz=None):
+        """Angular mesh frequency Z1·n1, rad/s, from the one speed that is given.
+
+        Raises
+        ------
+        ParameterError
+            (a ValueError) unless exactly one is given, a number above 0.
+        """
+        speeds = {"pinion_speed_rpm": pinion_speed_rpm, "pinion_speed_rad_s": pinion_speed_rad_s,
+                  "mesh_frequency_hz": mesh_frequency_hz}
+        problems = _drive_problems(speeds, 0.0, None)
+        if problems:
+            raise ParameterError("mesh frequency", problems)
+        if mesh_frequency_hz is not None:
+            return 2 * math.pi * mesh_frequency_hz
+        if pinion_speed_rpm is not None:
+            pinion_speed_rad_s = pinion_speed_rpm * math.pi / 30
+        return self.pinion_teeth * pinion_speed_rad_s
+
+
+# Which given numbers a derived one comes from.
+_FROM = {"equivalent_inertia": "pinion_inertia, gear_inertia and the tooth numbers",
+         "torsional_stiffness": "mesh_stiffness and pinion_base_lever",
+         "natural_frequency": "mesh_stiffness, pinion_base_lever and the inertias",
+         "force_per_torque": "mesh_stiffness, pinion_base_lever and the tooth numbers",
+         "xi": "mesh_damping, mesh_stiffness, pinion_base_lever and the inertias"}
+
+
+def _drive_problems(speeds, brake_torque, drive_torque):
+    """What is wrong with speed and torques, one sentence each."""
+    given = [key for key, value in speeds.items() if value is not None]
+    problems = []
+    if len(given) != 1:
+        problems.append(f"exactly one of {', '.join(speeds)} is expected, not "
+                        + (" and ".join(given) or "none"))
+    torques = {"brake_torque": brake_torque, "drive_torque": drive_torque}
+    if drive_torque is None:
+        del torques["drive_torque"]
+    values = SimpleNamespace(**speeds, **torques)
+    return problems + number_problems(values, positive=given, finite=tuple(torques))

@@ -1,0 +1,178 @@
+"""The dimensionless lapping oscillator: relative angle θ, time τ = ω't, flank motion g.
+
+Separation is θ'' = F; engagement θ'' = F - 2ξφ' - φ with φ = θ - g.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+from lapwing.base import arguments
+from lapwing.base.arguments import MOST, Refusals
+from lapwing.base.codes import ContactLaw, Gap, ImpactLaw
+from lapwing.model.transmission_error import TransmissionError
+
+TE_SIGNS = {"printed": 1.0, "geometric": -1.0}
+
+
+class ParameterError(ValueError):
+    """Every refused parameter of one object at once; `problems` holds one sentence each."""
+
+    def __init__(self, what, problems):
+        self.problems = tuple(problems)
+        super().__init__(f"{what}: " + "; ".join(self.problems))
+
+
+@dataclass(frozen=True)
+class Scales:
+    """What turns dimensionless results into physical units.
+
+    Parameters
+    ----------
+    natural_frequency : float, rad/s; τ = natural_frequency · t
+    force_per_torque : float, rad/(N·m); F per unit of brake torque at balanced drive torque
+    """
+
+    natural_frequency: float
+    force_per_torque: float
+
+    def __post_init__(self):
+        problems = number_problems(self, positive=("natural_frequency", "force_per_torque"))
+        if problems:
+            raise ParameterError("scales", problems)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Oscillator:
+    """Parameters of the dimensionless oscillator, checked against each other.
+
+    Parameters
+    ----------
+    te : TransmissionError
+    force : float, rad; mean force F, any sign
+    mesh_frequency_ratio : float; Ω = mesh frequency (rad/s) over natural frequency, > 0
+    gear_ratio : float; i12 = Z2/Z1, > 0
+    damping_ratio : float; ξ >= 0
+    restitution : float; ε, 0 to 1
+    backlash : float, rad; θ0 > 0
+    contact_law : 'restitution', 'compliant' or 'rigid'
+    impact_law : 'relative' or 'absolute' (with 'restitution' only)
+    gap : 'one_sided', 'symmetric' or 'one_flank'
+    back_flank_te : bool; False: the coast flank stands still at θ = -gap_width
+    te_sign : 'printed' (g = +i12·Δφ) or 'geometric' (g = -i12·Δφ)
+    scales : Scales or None
+
+    Raises
+    ------
+    ParameterError
+        (a ValueError) listing every parameter and combination refused.
+    """
+
+    te: TransmissionError = field(kw_only=False)
+    force: float
+    mesh_frequency_ratio: float
+    gear_ratio: float = 1.0
+    damping_ratio: float = 0.0
+    restitution: float
+    backlash: float
+    contact_law: str = "restitution"
+    impact_law: str = "relative"
+    gap: str = "one_sided"
+    back_flank_te: bool = True
+    te_sign: str = "printed"
+    scales: Scales | None = None
+
+    def __post_init__(self):
+        problems = number_problems(
+            self, finite=("force",), positive=("mesh_frequency_ratio", "gear_ratio", "backlash"),
+            not_negative=("damping_ratio",), unit_interval=("restitution",))
+        problems += self._choice_problems()
+        if not problems and not self.gear_ratio * self.te.magnitude <= MOST:
+            problems = [f"gear_ratio times the transmission error is beyond {MOST:g} rad"]
+        if not problems:
+            problems = self._flank_problems()
+        if problems:
+            raise ParameterError("oscillator", problems)
+
+    def _choice_problems(self):
+        choices = {"contact_law": names(ContactLaw), "impact_law": names(ImpactLaw),
+                   "gap": names(Gap), "te_sign": tuple(TE_SIGNS)}
+        taken = Refusals()
+        for key, allowed in choices.items():
+            taken.take(arguments.choice, key, getattr(self, key), allowed)
+        if not isinstance(self.te, TransmissionError):
+            taken.problems.append("te must be a TransmissionError, not "
+                                  + arguments.shown(self.te))
+        if self.scales is not None:
+            taken.take(arguments.instance, "scales", self.scales, Scales)
+        # A NumPy bool becomes one of Python.
+        object.__setattr__(self, "back_flank_te",
+                           taken.take(arguments.flag, "back_flank_te", self.back_flank_te))
+        laws = (self.contact_law, self.impact_law)
+        if all(isinstance(law, str) for law in laws) and laws[1] == "absolute" \
+                and laws[0] in ("compliant", "rigid"):
+            taken.problems.append("impact_law 'absolute' goes with contact_law 'restitution' only, "
+                                  f"not {self.contact_law!r}")
+        return taken.problems
+
+    def _flank_problems(self):
+        if self.back_flank_te or self.gap_width + self.flank_extrema[0] > 0:
+            return []
+        return [f"back_flank_te is off and the drive flank reaches {self.flank_extrema[0]:.6g} rad"
+                f", at or beyond the standing coast flank at {-self.gap_width:.6g} rad"]
+
+    @property
+    def period(self):
+        """Mesh period P = 2π/Ω in τ."""
+        return 2 * math.pi / self.mesh_frequency_ratio
+
+    @property
+    def flank_scale(self):
+        """±i12, so that g = flank_scale·Δφ."""
+        return TE_SIGNS[self.te_sign] * self.gear_ratio
+
+    @property
+    def flank_extrema(self):
+        """Least and greatest g, rad."""
+        return tuple(sorted(self.flank_scale * value for value in self.te.extrema))
+
+    @property
+    def gap_width(self):
+        """Distance between the flanks, rad: θ0, 2θ0 (symmetric) or infinite (one_flank)."""
+        return {"one_sided": self.backlash, "symmetric": 2 * self.backlash}.get(self.gap, math.inf)
+
+    @property
+    def angle_scale(self):
+        """The angle tolerances refer to, rad: min(θ0, max(|F|, peak-to-peak g)).
+
+        With neither force nor transmission error nothing but θ0 is left.
+        """
+        motion = max(abs(self.force), self.gear_ratio * self.te.peak_to_peak)
+        return min(self.backlash, motion) if motion > 0 else self.backlash
+
+    def with_force(self, force):
+        """The same oscillator under another mean force F (rad); ParameterError as `Oscillator`."""
+        return replace(self, force=force)
+
+
+def names(codes):
+    """Lower-case names of an IntEnum, as decks and keywords spell them."""
+    return tuple(code.name.lower() for code in codes)
+
+
+def number_problems(owner, *, finite=(), positive=(), not_negative=(), unit_interval=()):
+    """One sentence for each named attribute of `owner` that is not a number of its kind.
+
+    The others become plain floats, also in a frozen dataclass.
+    """
+    taken = Refusals()
+    kinds = ((finite, arguments.real, {}), (positive, arguments.positive, {}),
+             (not_negative, arguments.not_negative, {}),
+             (unit_interval, arguments.real, {"low": 0.0, "high": 1.0}))
+    for keys, converter, limits in kinds:
+        for key in keys:
+            number = taken.take(converter, key, getattr(owner, key), **limits)
+            if number is not None:
+                object.__setattr__(owner, key, number)
+    return taken.problems

@@ -1,0 +1,449 @@
+"""Transmission error of one mesh period as a periodic table of polynomial pieces.
+
+Phase is counted in mesh periods; the table covers [0, 1) and repeats.  A *kink* is a slope jump
+that belongs to the data (the transfer point between two tooth pairs); it is marked by whoever
+builds the table and never inferred from rounding.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial import polynomial as power
+
+from lapwing.base import arguments
+from lapwing.base.arguments import LEAST, MOST
+from lapwing.model.harmonic_series import harmonic_derivative, harmonic_pieces
+from lapwing.model.transmission_error_file import TransmissionErrorFileError, read_columns
+
+# A joint of two pieces may be off by rounding (about 1e-14 of the largest value); a gap or an
+# unmarked slope jump in the data is far larger.
+_JOINT_TOLERANCE = 1e-9
+# Phases made from angles are good to about 1e-15; a row nearer to 1 than this sits at phase 0.
+_PHASE_ROUNDING = 1e-14
+# Of a harmonic series; a table has none but zeros beyond the fifth.
+MOST_DERIVATIVES = 20
+# The pieces of a table grow with the highest order.
+MOST_ORDER = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class TransmissionError:
+    """Periodic piecewise-polynomial transmission error (degree at most 5).
+
+    Parameters
+    ----------
+    knots : (n+1,) array, mesh periods; from 0 to 1, strictly ascending.
+    coefficients : (n, 6) array, rad per period^k; ascending powers of (phase - knots[i]).
+    kinks : (n,) bool array; True where the slope jump at knots[i] is part of the data.
+    harmonics : (m, 3) array of order, amplitude (rad), shift (rad); the series behind the table.
+    te_sign_hint : 'printed', or 'geometric' for a table made from (pinion, gear) angle pairs.
+
+    Raises
+    ------
+    ValueError
+        Wrong shapes, knots out of order, pieces that do not join (value, or slope off a kink).
+    """
+
+    knots: np.ndarray
+    coefficients: np.ndarray
+    kinks: np.ndarray
+    harmonics: np.ndarray = ()
+    te_sign_hint: str = "printed"
+
+    def __post_init__(self):
+        # Coefficients of narrow pieces are large beyond any value of the table.
+        for name, ndim, largest in (("knots", 1, 1.0), ("coefficients", 2, 1e300)):
+            self._store(name, arguments.reals(name, getattr(self, name), ndim=ndim,
+                                              largest=largest))
+        self._store("kinks", _flags("kinks", self.kinks))
+        harmonics = arguments.reals("harmonics", self.harmonics, empty=True)
+        if harmonics.size % 3:
+            raise ValueError("harmonics: expected is an (m, 3) array")
+        self._store("harmonics", harmonics.reshape(-1, 3))
+        arguments.choice("te_sign_hint", self.te_sign_hint, ("printed", "geometric"))
+        n = self.knots.size - 1
+        if self.coefficients.shape != (n, 6) or self.kinks.shape != (n,):
+            raise ValueError("shapes must be knots (n+1,), coefficients (n, 6), kinks (n,)")
+        if self.knots[0] != 0 or self.knots[-1] != 1 or not np.all(np.diff(self.knots) > 0):
+            raise ValueError("knots must ascend strictly from 0 to 1")
+        if not self.magnitude <= MOST:
+            raise ValueError(f"coefficients give values beyond {MOST:g} rad")
+        self._check_joint(0, np.zeros(n, dtype=bool), "value")
+        self._check_joint(1, self.kinks, "slope (and the knot is not marked as a kink)")
+
+    def __reduce__(self):  # a copy from another process is checked and read-only as well
+        return type(self), tuple(getattr(self, field.name) for field in fields(self))
+
+    def _store(self, name, array):
+        array.flags.writeable = False
+        object.__setattr__(self, name, array)
+
+    def _check_joint(self, order, excused, what):
+        right = self.derivative(order, self.knots[:-1], "right")
+        jump = right - self.derivative(order, self.knots[:-1], "left")
+        terms = np.abs(self.coefficients) * np.diff(self.knots)[:, None] ** np.arange(6)
+        scale = terms.max() if order == 0 else (terms / np.diff(self.knots)[:, None]).max()
+        wrong = (np.abs(jump) > _JOINT_TOLERANCE * scale) & ~excused
+        if wrong.any():
+            raise ValueError(f"the {what} jumps at phase {self.knots[:-1][wrong].tolist()}")
+
+    def _locate(self, phase, side):
+        arguments.choice("side", side, ("left", "right"))
+        seam, same = (0.0, 1.0) if side == "left" else (1.0, 0.0)
+        phase = np.mod(phase, 1.0)
+        phase = np.where(phase == seam, same, phase)
+        piece = np.searchsorted(self.knots, phase, side=side) - 1
+        return piece, phase - self.knots[piece]
+
+    def derivative(self, order, phase, side="right"):
+        """Derivative of any order (0: the value) with respect to phase, rad per period^order.
+
+        Parameters
+        ----------
+        order : int, 0 to 20
+        phase : float or array, mesh periods; any finite number, taken modulo 1
+        side : 'right' or 'left', which limit to take at a knot
+
+        Returns
+        -------
+        ndarray, shape of `phase`
+
+        Raises
+        ------
+        ValueError
+            Order out of range, unknown side, phase not finite (TypeError where one is no number).
+        """
+        order = arguments.whole("order", order, 0, MOST_DERIVATIVES)
+        phase = arguments.reals("phase", phase, empty=True)
+        if len(self.harmonics):
+            arguments.choice("side", side, ("left", "right"))
+            return harmonic_derivative(self.harmonics, order, np.mod(phase, 1.0))
+        return self.table_derivative(order, phase, side)
+
+    def table_derivative(self, order, phase, side="right"):
+        """As `derivative`, from the table also where there is a harmonic series behind it."""
+        order = arguments.whole("order", order, 0, MOST_DERIVATIVES)
+        piece, offset = self._locate(arguments.reals("phase", phase, empty=True), side)
+        if order > 5:
+            return np.zeros(piece.shape)
+        local = power.polyder(self.coefficients[piece], order, axis=-1)
+        return power.polyval(offset, np.moveaxis(local, -1, 0), tensor=False)
+
+    def value(self, phase):
+        """Transmission error (rad) at `phase` (mesh periods, any shape)."""
+        return self.derivative(0, phase)
+
+    def slope(self, phase, side="right"):
+        """First derivative (rad per period) at `phase`; `side` chooses the limit at a knot."""
+        return self.derivative(1, phase, side)
+
+    def curvature(self, phase, side="right"):
+        """Second derivative (rad per period²) at `phase`; `side` chooses the limit at a knot."""
+        return self.derivative(2, phase, side)
+
+    def slope_jumps(self):
+        """Slope right minus left of knots[i], (n,) rad per period; exactly 0 off the kinks."""
+        at = self.knots[:-1]
+        return np.where(self.kinks, self.slope(at, "right") - self.slope(at, "left"), 0.0)
+
+    @cached_property
+    def magnitude(self):
+        """Largest single term of the table's polynomials on their pieces, rad."""
+        terms = np.abs(self.coefficients) * np.diff(self.knots)[:, None] ** np.arange(6)
+        return float(terms.max())
+
+    @cached_property
+    def extrema(self):
+        """Least and greatest value (rad), from the roots of derivatives.
+
+        Only pieces that may pass all knots are searched: a polynomial lies between the least and
+        the greatest of its Bernstein coefficients.
+        """
+        scaled = self.coefficients * np.diff(self.knots)[:, None] ** np.arange(6)
+        bounds = scaled @ _TO_BERNSTEIN.T
+        # What the sums above may be wrong by.
+        slack = 64 * np.finfo(float).eps * np.abs(scaled).sum(axis=1)
+        ends = bounds[:, [0, -1]]
+        low, high = float(ends.min()), float(ends.max())
+        searched = (bounds.min(axis=1) - slack < low) | (bounds.max(axis=1) + slack > high)
+        low, high = math.inf, -math.inf
+        for piece in scaled[searched | (np.arange(len(scaled)) == 0)]:
+            values = power.polyval(stationary_points(piece), piece)
+            low, high = min(low, float(values.min())), max(high, float(values.max()))
+        return low, high
+
+    @cached_property
+    def peak_to_peak(self):
+        """Greatest minus least value, rad."""
+        return self.extrema[1] - self.extrema[0]
+
+    @classmethod
+    def from_hermite(cls, phase, value, slope_left, slope_right=None):
+        """Cubic Hermite pieces between rows of value and slope.
+
+        Parameters
+        ----------
+        phase : (n,) array, mesh periods, strictly ascending in [0, 1)
+        value : (n,) array, rad
+        slope_left, slope_right : (n,) arrays, rad per period
+            Slopes on the two sides of each row; one array serves for both sides.  A row is a
+            kink exactly where the two numbers differ.
+
+        Raises
+        ------
+        ValueError
+            Rows out of order or range, lengths that differ, numbers not finite.
+        """
+        from scipy.interpolate import CubicHermiteSpline
+
+        slope_right = slope_left if slope_right is None else slope_right
+        phase, value, left, right = _rows(
+            ("phase", "value", "slope_left", "slope_right"), phase, value, slope_left, slope_right)
+        width = np.diff(phase, append=phase[0] + 1)
+        unit = CubicHermiteSpline([0, 1], np.stack([value, np.roll(value, -1)]),
+                                  np.stack([right * width, np.roll(left, -1) * width]))
+        coefficients = unit.c[::-1, 0].T / width[:, None] ** np.arange(4)
+        return _close(cls, phase, coefficients, left != right)
+
+    @classmethod
+    def from_samples(cls, phase, value, kinks=()):
+        """Periodic C2 cubic spline through samples, broken at marked kinks.
+
+        Between two kinks the spline is 'not-a-knot'; an arc of three points is a parabola, of
+        two a straight line.  A single kink leaves one arc of a whole period.
+
+        Parameters
+        ----------
+        phase : (n,) array, mesh periods, strictly ascending in [0, 1)
+        value : (n,) array, rad
+        kinks : (n,) array of 0/1, or empty for none
+
+        Raises
+        ------
+        ValueError
+            As `from_hermite`; fewer than three rows without a kink.
+        """
+        from scipy.interpolate import CubicSpline
+
+        phase = arguments.reals("phase", phase, ndim=1)
+        kinks = arguments.reals("kinks", _numbers(kinks), ndim=1, empty=True)
+        kinks = np.zeros(phase.size) if kinks.size == 0 else kinks
+        phase, value, flags = _rows(("phase", "value", "kinks"), phase, value, kinks)
+        if not np.all((flags == 0) | (flags == 1)):
+            raise ValueError("kinks must be 0 or 1 for every row")
+        n, starts = phase.size, np.flatnonzero(flags)
+        if not starts.size and n < 3:
+            raise ValueError("a smooth periodic spline needs at least three rows")
+        closure = "not-a-knot" if starts.size else "periodic"
+        starts = starts if starts.size else np.array([0])
+        coefficients = np.empty((n, 4))
+        for first, last in zip(starts, np.append(starts[1:], starts[0] + n), strict=True):
+            row = np.arange(first, last + 1)
+            arc = CubicSpline(phase[row % n] + row // n, value[row % n], bc_type=closure)
+            coefficients[row[:-1] % n] = arc.c[::-1].T
+        return _close(cls, phase, coefficients, flags == 1)
+
+    @classmethod
+    def harmonic(cls, amplitudes, shifts=None, orders=None):
+        """Sum of amplitude·cos(2π·order·phase + shift), tabulated by quintic Hermite pieces.
+
+        The number of pieces is the smallest for which the remainder bound promises 1e-12 in
+        value, 1e-10 in slope and 1e-8 in curvature, each relative to its own maximum.
+
+        Parameters
+        ----------
+        amplitudes : (m,) array, rad
+        shifts : (m,) array, rad; default 0
+        orders : (m,) array of integers >= 0; default 1, 2, … m
+
+        Raises
+        ------
+        ValueError
+            Lengths that differ, orders that are not whole and >= 0, numbers not finite.
+        """
+        from scipy.interpolate import BPoly, PPoly
+
+        amplitudes = arguments.reals("amplitudes", amplitudes, ndim=1)
+        shifts = np.zeros(amplitudes.size) if shifts is None else \
+            arguments.reals("shifts", shifts, ndim=1)
+        orders = np.arange(1.0, amplitudes.size + 1) if orders is None else \
+            arguments.reals("orders", orders, ndim=1)
+        if not amplitudes.shape == shifts.shape == orders.shape or amplitudes.ndim != 1:
+            raise ValueError("amplitudes, shifts and orders must have the same length")
+        if np.any((amplitudes != 0) & (np.abs(amplitudes) < LEAST)):
+            raise ValueError(f"amplitudes must be 0 or at least {LEAST:g} rad in magnitude")
+        series = np.column_stack([orders, amplitudes, shifts]).astype(float)
+        if np.any((orders < 0) | (orders > MOST_ORDER) | (orders % 1 != 0)):
+            raise ValueError(f"orders must be whole numbers from 0 to {MOST_ORDER}")
+        n = harmonic_pieces(series)
+        knots = np.arange(n + 1) / n
+        rows = np.stack([harmonic_derivative(series, k, knots % 1) for k in range(3)], axis=1)
+        pieces = PPoly.from_bernstein_basis(BPoly.from_derivatives(knots, rows))
+        return cls(knots, pieces.c[::-1].T, np.zeros(n, dtype=bool), series)
+
+    @classmethod
+    def parabola(cls, amplitude):
+        """Δφ = -4·amplitude·(phase - ½)², kinked at phase 0; amplitude (rad) > 0: cusp down."""
+        amplitude = arguments.real("amplitude", amplitude)
+        return cls.from_hermite([0.0], [-amplitude], [-4 * amplitude], [4 * amplitude])
+
+    @classmethod
+    def from_tca(cls, pinion_angle, gear_angle, pinion_teeth, gear_teeth, reference=(0.0, 0.0)):
+        """Table from angle pairs: Δφ = (φ2 - φ2*) - (Z1/Z2)(φ1 - φ1*), phase = Z1(φ1 - φ1*)/2π.
+
+        The rows are one tooth pair's curve over one mesh period, from the transfer point (first
+        row) on.  The next pair takes over one period later at the same Δφ, so the first row is
+        a kink; a last row that repeats it is dropped.  Elsewhere the curve is a cubic spline.
+
+        Parameters
+        ----------
+        pinion_angle, gear_angle : (n,) arrays, rad; pinion_angle strictly ascending
+        pinion_teeth, gear_teeth : int
+        reference : (φ1*, φ2*), rad; angles at the mid-point of the tooth surface (phase 0)
+
+        Raises
+        ------
+        ValueError
+            Rows out of order, more than one period, or ends of the period that do not meet.
+        """
+        pinion = arguments.reals("pinion_angle", pinion_angle, ndim=1)
+        gear = arguments.reals("gear_angle", gear_angle, ndim=1)
+        pinion_teeth = arguments.whole("pinion_teeth", pinion_teeth, 1)
+        gear_teeth = arguments.whole("gear_teeth", gear_teeth, 1)
+        reference = arguments.reals("reference", reference, ndim=1)
+        if reference.size != 2:
+            raise ValueError("reference: expected are two angles")
+        ascending = pinion.ndim == 1 and pinion.size > 1 and np.all(np.diff(pinion) > 0)
+        if pinion.shape != gear.shape or not ascending:
+            raise ValueError("pinion_angle and gear_angle: expected are two equally long rows, "
+                             "pinion_angle ascending")
+        turn = pinion - reference[0]
+        error = (gear - reference[1]) - pinion_teeth / gear_teeth * turn
+        phase = pinion_teeth * turn / (2 * math.pi)
+        excess = phase[-1] - phase[0] - 1
+        if excess > 1e-9:
+            raise ValueError("the pairs cover more than one mesh period: cut the path of contact "
+                             "at its transfer points")
+        if excess > -1e-9:
+            if abs(error[-1] - error[0]) > 1e-3 * np.ptp(error):
+                raise ValueError("the two ends of the mesh period differ by "
+                                 f"{error[-1] - error[0]:.3g} rad: not the transfer points")
+            phase, error = phase[:-1], error[:-1]
+        phase = np.where(phase % 1 > 1 - _PHASE_ROUNDING, 0.0, phase % 1)
+        order = np.argsort(phase)
+        table = cls.from_samples(phase[order], error[order], order == 0)
+        return replace(table, te_sign_hint="geometric")
+
+    @classmethod
+    def from_file(cls, path, *, pinion_teeth=None, gear_teeth=None, reference=(0.0, 0.0)):
+        """Read a CSV table: `#` comments, a header naming columns and units, one row per point.
+
+        Columns are one of: phase, transmission_error; the same with kink (0/1); with slope;
+        with slope_left, slope_right; or pinion_angle, gear_angle.  Units go in brackets, for
+        example `phase[deg]`, `slope[urad]`; without: periods, rad, rad per period.
+
+        Parameters
+        ----------
+        path : str or Path
+        pinion_teeth, gear_teeth : int; needed for phase[rad], phase[deg] and for angle pairs
+        reference : see `from_tca`
+
+        Raises
+        ------
+        TransmissionErrorFileError
+            All that is wrong with the file, with line and column.
+        OSError
+            The file cannot be opened.
+        """
+        arguments.path("path", path)
+        for name, teeth in (("pinion_teeth", pinion_teeth), ("gear_teeth", gear_teeth)):
+            if teeth is not None:
+                arguments.whole(name, teeth, 1)
+        if arguments.reals("reference", reference, ndim=1).size != 2:
+            raise ValueError("reference: expected are two angles")
+        columns, problems = read_columns(path, pinion_teeth, gear_teeth)
+        if problems:
+            raise TransmissionErrorFileError(path, problems)
+        try:
+            if "gear_angle" in columns:
+                return cls.from_tca(columns["pinion_angle"], columns["gear_angle"], pinion_teeth,
+                                    gear_teeth, reference)
+            phase, value = columns.pop("phase"), columns.pop("transmission_error")
+            if not columns or "kink" in columns:
+                return cls.from_samples(phase, value, **{f"{k}s": v for k, v in columns.items()})
+            return cls.from_hermite(phase, value, *columns.values())
+        except ValueError as error:
+            raise TransmissionErrorFileError(path, [(0, 0, str(error))]) from error
+
+
+# Bernstein coefficients on [0, 1] of degree 5 from ascending powers: b_i = sum_k C(i,k)/C(5,k) c_k.
+_TO_BERNSTEIN = np.array([[math.comb(i, k) / math.comb(5, k) for k in range(6)] for i in range(6)])
+
+
+def stationary_points(coefficients):
+    """Points of [0, 1] among which a polynomial (ascending powers) takes its least and greatest.
+
+    The ends and the roots of the derivative; a complex root gives its real part, which does no
+    harm as every point returned lies in [0, 1].  The roots are eigenvalues of the companion
+    *pencil*: a leading coefficient of rounding size, as a cubic through a parabola has, gives one
+    very large root and leaves the others exact, where the companion matrix would lose them.
+    """
+    from scipy.linalg import eigvals
+
+    slope = power.polyder(coefficients)
+    largest = np.abs(slope).max()
+    if largest == 0:
+        return np.array([0.0, 1.0])
+    slope, degree = slope / largest, slope.size - 1
+    left, right = np.eye(degree, k=1), np.eye(degree)
+    left[-1], right[-1, -1] = -slope[:-1], slope[-1]
+    numerator, denominator = eigvals(left, right, homogeneous_eigvals=True)
+    finite = np.abs(denominator) > 0
+    roots = (numerator[finite] / denominator[finite]).real
+    return np.concatenate([[0.0, 1.0], np.clip(roots, 0.0, 1.0)])
+
+
+def _numbers(flags):
+    """Flags as numbers; True and False are 1 and 0 here."""
+    try:
+        array = np.asanyarray(flags)
+    except ValueError:  # rows of several lengths, which the converter refuses by name
+        return flags
+    return array.astype(float) if array.dtype == bool else flags
+
+
+def _flags(name, value):
+    """A new array of True and False, from these or from 1 and 0."""
+    numbers = arguments.reals(name, _numbers(value), ndim=1)
+    if not np.all((numbers == 0) | (numbers == 1)):
+        raise ValueError(f"{name} must be True or False for every piece")
+    return numbers == 1
+
+
+def _rows(names, phase, *columns):
+    """The rows of a table as equally long finite float arrays, phase ascending in [0, 1)."""
+    rows = [arguments.reals(name, column, ndim=1) for name, column in
+            zip(names, (phase, *columns), strict=True)]
+    if any(row.shape != rows[0].shape for row in rows):
+        raise ValueError(f"{', '.join(names)} must be equally long")
+    if rows[0][0] < 0 or rows[0][-1] >= 1 or not np.all(np.diff(rows[0]) > 0):
+        raise ValueError("phase must ascend strictly in [0, 1); the row at phase 1 is left out")
+    return rows
+
+
+def _close(cls, phase, cubic, kinks):
+    """Table from pieces that start at each row; the one that wraps is split at phase 0."""
+    coefficients = np.zeros((phase.size, 6))
+    coefficients[:, : cubic.shape[1]] = cubic
+    knots = np.append(phase, 1.0)
+    if phase[0] > 0:
+        shift = 1 - phase[-1]
+        taylor = [power.polyval(shift, power.polyder(coefficients[-1], k)) / math.factorial(k)
+                  for k in range(6)]
+        coefficients = np.vstack([taylor, coefficients])
+        knots, kinks = np.append(0.0, knots), np.append(False, kinks)
+    return cls(knots, coefficients, kinks)

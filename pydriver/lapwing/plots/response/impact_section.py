@@ -1,0 +1,72 @@
+"""Impact section of a response: mesh phase and speed of every recorded arrival at a flank."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lapwing.base.arrivals import arrivals_in
+from lapwing.plots import style
+from lapwing.plots.response.trajectory import cycles_recorded, events_of
+
+# The drive flank, then the coast flank.
+FLANKS = ({"color": style.BLUE, "marker": "o", "label": "drive flank"},
+          {"color": style.ORANGE, "marker": "v", "label": "coast flank"})
+# Speeds that span more than this, as those of a chatter, are drawn on a logarithmic scale.
+LOGARITHMIC = 100.0
+
+
+@style.house_style()
+def draw(response, gear_pair=None):
+    """Draw the speed of impacts against their phase.
+
+    Parameters
+    ----------
+    response : xarray.Dataset, group `response_<name>` of a result file
+    gear_pair : mapping or None, group `gear_pair`; gives speeds in rad/s and mm/s
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure = style.new_figure(8, 5)
+    axis = figure.subplots()
+    factor, unit, millimetres = style.speed_unit(gear_pair)
+    law = arrivals_in(response.attrs)
+    impacts = events_of(response, law.kinds)
+    speed = factor * np.abs(impacts["velocity_before"])
+    for kind, look in zip(law.kinds, FLANKS, strict=True):
+        rows = impacts["event_kind"] == kind
+        if np.any(rows):
+            _points(axis, impacts["event_phase"][rows], speed[rows], look)
+    axis.set(xlim=(0, 1), xlabel=f"mesh phase of the {law.word} (mesh periods)",
+             ylabel=f"approach speed |φ'| ({unit})")
+    if speed.size == 0:
+        style.nothing(axis, style.motion(response.attrs) if style.failed(response) else
+                   f"no {law.word} in {cycles_recorded(response)} recorded cycles")
+    else:
+        _speed_limits(axis, speed)
+        figure.legend(loc="outside lower center", ncols=2)
+        style.speed_scale(axis, millimetres)
+        axis.set_title(f"all {speed.size} {law.word}s in {cycles_recorded(response)} recorded "
+                       "cycles, whatever the depth of their flights")
+    figure.suptitle(style.describe(response))
+    return figure
+
+
+def _points(axis, phase, speed, look):
+    """Large markers for the few places of a periodic motion, dots for a cloud."""
+    places = len(np.unique(np.round(np.column_stack([phase, speed / speed.max()]), 4), axis=0))
+    size = 6.0 if places <= 100 else 3.5 if places <= 1000 else 1.8
+    axis.plot(phase, speed, linestyle="", marker=look["marker"], markersize=size,
+              markeredgewidth=0.5 if places <= 100 else 0, markeredgecolor="white",
+              color=look["color"], alpha=0.95 if places <= 100 else 0.6,
+              label=look["label"], rasterized=phase.size > style.MANY)
+
+
+def _speed_limits(axis, speed):
+    positive = speed[speed > 0]
+    if positive.size and positive.max() > LOGARITHMIC * positive.min():
+        axis.set_yscale("log")
+        style.plain_powers(axis.yaxis)
+    else:
+        axis.set_ylim(0, 1.08 * speed.max())

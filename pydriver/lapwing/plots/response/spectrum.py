@@ -1,0 +1,126 @@
+"""Order spectrum of a response: displacement, mesh force, dynamic transmission error."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lapwing.base.spectra import order_spectrum
+from lapwing.plots import style
+from lapwing.plots.response.trajectory import cycles_recorded
+
+# Variable, factor, axis label, heading, colour.
+QUANTITIES = (
+    ("phi", style.URAD, "φ (µrad)", "relative displacement φ", style.BLUE),
+    ("mesh_force", 1.0, "W (N)", "mesh force W", style.VERMILION),
+    ("dynamic_te", style.URAD, "θ (µrad)", "dynamic transmission error θ", style.BLACK),
+)
+DECADES = 6
+# Equivalent noise bandwidth of the Hann window, bins.
+HANN_BANDWIDTH = 1.5
+
+
+@style.house_style()
+def draw(response, gear_pair=None):
+    """Draw amplitudes against mesh order.
+
+    Parameters
+    ----------
+    response : xarray.Dataset, group `response_<name>` of a result file
+    gear_pair : mapping or None, group `gear_pair`; tells the pinion's lever, for N·m
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure = style.new_figure(9.5, 8)
+    axes = figure.subplots(3, 1, sharex=True)
+    highest = _highest_order(response)
+    for axis, quantity, letter in zip(axes, QUANTITIES, "abc", strict=True):
+        _panel(axis, response, quantity, highest)
+        axis.set_title(f"({letter}) {quantity[3]}")
+    if not style.failed(response):
+        _marks(axes, response, highest)
+    for axis, (name, *_) in zip(axes, QUANTITIES, strict=True):
+        if axis.get_yscale() == "linear":
+            continue
+        if name != "mesh_force":
+            style.arcsec_scale(axis)
+        elif gear_pair is not None:
+            style.second_scale(axis, "right", float(gear_pair["pinion_base_lever"]), "(N·m)")
+    axes[-1].set_xlim(0, highest)
+    axes[-1].set_xlabel("mesh order (multiples of the mesh frequency)\n" + _resolution(response))
+    style.second_scale(axes[0], "top", 1 / float(response.attrs["mesh_period_s"]),
+                       "frequency (Hz)")
+    figure.suptitle(style.describe(response))
+    return figure
+
+
+def _cycles_used(response):
+    """The last recorded cycles, whole periods of the motion: its lines then lie on bins."""
+    recorded, period = cycles_recorded(response), int(response.attrs["period"])
+    return recorded - recorded % period if 0 < period <= recorded else recorded
+
+
+def _highest_order(response):
+    """Orders to show: the natural frequency with half as much again, within 8 and 40."""
+    natural = 1 / float(response.attrs["mesh_frequency_ratio"])
+    return min(max(8, math.ceil(1.5 * natural)), 40)
+
+
+def _panel(axis, response, quantity, highest):
+    """One spectrum, as many decades as mean anything."""
+    name, factor, label, _, colour = quantity
+    values = factor * response[name].values
+    axis.set_ylabel(f"amplitude of\n{label}")
+    if not np.all(np.isfinite(values)):
+        style.nothing(axis, style.motion(response.attrs) if style.failed(response) else
+                   "none is computed: rigid contact")
+        return
+    cycles = _cycles_used(response)
+    used = response["cycle"].values >= cycles_recorded(response) - cycles
+    orders, amplitudes = order_spectrum(values[used], cycles)
+    shown = orders <= highest
+    top = amplitudes[shown].max()
+    if top <= 0:
+        style.nothing(axis, "zero or constant in the recorded cycles")
+        return
+    axis.set_yscale("log")
+    style.plain_powers(axis.yaxis)
+    axis.fill_between(orders[shown], top * 10.0**-(DECADES + 1), amplitudes[shown], color=colour,
+                      linewidth=0, alpha=0.25, rasterized=orders.size > style.MANY)
+    axis.plot(orders[shown], amplitudes[shown], color=colour, linewidth=0.9)
+    axis.set_ylim(top * 10.0**-DECADES, 4 * top)
+    axis.minorticks_off()
+
+
+def _marks(axes, response, highest):
+    """Mesh orders, subharmonics of the period, natural frequency."""
+    period = int(response.attrs["period"])
+    natural = 1 / float(response.attrs["mesh_frequency_ratio"])
+    orders = np.arange(1, highest + 1)
+    for axis in axes:
+        axis.grid(False, axis="x")
+        panel = {"transform": axis.get_xaxis_transform(), "color": "0.85", "zorder": 0}
+        axis.vlines(orders, 0, 1, linewidth=0.8, **panel)
+        if 1 < period <= 8:
+            axis.vlines(np.arange(1, period * highest) / period, 0, 1, linewidth=0.7,
+                        linestyle=":", **panel)
+        axis.axvline(natural, color=style.GREEN, linewidth=1.1, linestyle=(0, (5, 3)), zorder=1)
+    axes[0].annotate(f"natural frequency: order {natural:.3g}", (natural, 0.95),
+                     xycoords=("data", "axes fraction"), xytext=(5, 0),
+                     textcoords="offset points", va="top", fontsize=8.5, color="#006B4F",
+                     bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1})
+    axes[0].set_xticks(orders if highest <= 24 else orders[1::2])
+
+
+def _resolution(response):
+    """The window and what it can tell apart, and which lines mark what."""
+    cycles = _cycles_used(response)
+    period = int(response.attrs["period"])
+    words = (f"Hann window over {cycles} cycles: bins 1/{cycles} order apart, "
+             f"resolution {HANN_BANDWIDTH / cycles:.3g} order")
+    if 1 < period <= 8:
+        words += f"; dotted: subharmonics 1/{period}"
+    return words

@@ -1,0 +1,136 @@
+"""Deepest separation of a sweep against its parameter, beside what a source reports."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lapwing.plots import critical_marks, style
+from lapwing.plots.sweep import parts as sweep_parts
+
+# Places for a claim's words that are tried at once.
+BLOCK = 32
+
+
+@style.house_style()
+def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
+         marks=()):
+    """Draw the deepest separation of the recorded cycles.
+
+    Parameters
+    ----------
+    sweep, title, full_engagement, claims, marks : as for `orbit_diagram.draw`
+    gear_pair : mapping or None, group `gear_pair`; tells the backlash
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    claims = [one for one in sweep_parts.claims_of(sweep, claims) if np.isfinite(one.depth)]
+    figure = style.new_figure(9, 5.2)
+    axis = figure.subplots()
+    depth_lines(axis, sweep)
+    found = float(sweep["deepest_separation"].max())  # NaN where no point has a result
+    deepest = style.URAD * np.nanmax([0.0, found, *(claim.depth for claim in claims)])
+    small = style.widen_small_values(
+        axis, style.URAD * sweep["deepest_separation"].max("recorded_cycle").values)
+    top = (2.0 if small else 1.08) * deepest if deepest > 0 else 1.0
+    axis.set_ylim(0, top)
+    if deepest == 0:
+        axis.set_yticks([0])  # any other number would be made up
+    axis.set_ylabel("deepest separation, max of −φ (µrad)"
+                    + small * "\nlogarithmic but near 0")
+    style.arcsec_scale(axis)
+    _backlash(axis, gear_pair, top)
+    parameter = sweep_parts.parameter_of(sweep)
+    curves = [line.get_xydata() for line in axis.lines if len(line.get_xydata()) > 2]
+    for claim in claims:
+        sweep_parts.claim_marker(axis, claim.value, style.URAD * claim.depth)
+    sweep_parts.mark_full_engagement(
+        [axis], sweep_parts.full_engagement_of(sweep, full_engagement), axis, sweep,
+        height=0.86)
+    critical_marks.draw_marks([axis], axis, marks, sweep[parameter].values,
+                              sweep_parts.full_engagement_of(sweep, full_engagement),
+                              heights=(0.78, 0.55))
+    sweep_parts.finish(figure, [axis], sweep,
+                       f"deepest separation: {sweep.attrs.get('name', '')}"
+                       if title is None else title)
+    _claim_texts(axis, sorted(claims), curves)
+    sweep_parts.legend(figure, axis, sweep, claims=bool(claims))
+    return figure
+
+
+def depth_lines(axis, sweep):
+    """Deepest of all recorded cycles, µrad; a failed point leaves a gap."""
+    for branch, look in sweep_parts.branches(sweep):
+        depth = style.URAD * branch["deepest_separation"].max("recorded_cycle")
+        depth = depth.where(branch["status"] == 0)
+        axis.plot(branch[sweep_parts.parameter_of(sweep)], depth, color=look["color"],
+                  linewidth=1.0 + 0.5 * look["size"])
+    axis.set_ylim(bottom=0)
+
+
+def _backlash(axis, gear_pair, top):
+    """The whole gap, where the motion uses enough of it."""
+    if gear_pair is None or style.URAD * float(gear_pair["backlash"]) > top:
+        return
+    backlash = style.URAD * float(gear_pair["backlash"])
+    axis.axhline(backlash, color=style.WALL, linewidth=0.9, linestyle=":")
+    axis.text(0.35, backlash, f"backlash {backlash:g} µrad", color=style.WALL, fontsize=8.5,
+              transform=axis.get_yaxis_transform(), ha="center", va="bottom")
+
+
+def _claim_texts(axis, claims, curves):
+    """What is claimed, each beside its marker where words and leader cross least of the data.
+
+    All is done in parts of the panel, whose limits must be final.
+    """
+    to_panel = axis.transData + axis.transAxes.inverted()
+    lines = [to_panel.transform(curve[np.isfinite(curve).all(1)]) for curve in curves]
+    segments = np.concatenate([np.zeros((0, 4)), *(np.hstack([line[:-1], line[1:]])
+                                                   for line in lines)])
+    markers = [to_panel.transform((claim.value, style.URAD * claim.depth)) for claim in claims]
+    for x, y in markers:
+        segments = np.vstack([segments, (x - 0.01, y, x + 0.01, y), (x, y - 0.02, x, y + 0.02)])
+    for claim, marker in zip(claims, markers, strict=True):
+        depth = style.URAD * claim.depth
+        words = f"source: {depth:.3g} µrad" if depth else "source: none"
+        place, box = _free_place(segments, marker, 0.0095 * len(words))
+        segments = np.vstack([segments, box])
+        axis.annotate(words, (claim.value, depth), xytext=place, ha="center", va="center",
+                      textcoords="axes fraction",
+                      fontsize=8.5, color=style.CLAIM_TEXT, zorder=6,
+                      bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1},
+                      arrowprops={"arrowstyle": "-", "color": style.CLAIM_TEXT, "linewidth": 0.7,
+                                  "shrinkB": 5})
+
+
+def _free_place(segments, marker, width, height=0.05):
+    """Middle of a box (parts of the panel) that crosses least, then lies nearest; its diagonals."""
+    x, y = np.meshgrid(np.arange(0.5 * width + 0.01, 1 - 0.5 * width, 0.02),
+                       np.arange(0.05, 0.78, 0.03), indexing="ij")
+    distance = np.hypot(x - marker[0], 0.6 * (y - marker[1]))
+    clear = distance >= 0.5 * width
+    nearest = np.argsort(distance[clear], kind="stable")
+    x, y = x[clear][nearest], y[clear][nearest]
+    left, right, low, high = x - 0.5 * width, x + 0.5 * width, y - 0.5 * height, y + 0.5 * height
+    # The leader starts clear of its own marker.
+    leader = (*(marker[i] + 0.15 * (at - marker[i]) for i, at in enumerate((x, y))), x, y)
+    lines = np.array([(left, low, right, high), (left, high, right, low), leader])
+    crossed = []
+    for begin in range(0, x.size, BLOCK):
+        crossed.extend(sum(_crossings(segments, line[:, begin:begin + BLOCK]) for line in lines))
+        if min(crossed) == 0:
+            break
+    best = int(np.argmin(crossed))
+    return (x[best], y[best]), lines[:2, :, best]
+
+
+def _crossings(segments, lines):
+    """How many segments (rows x, y, x, y) each line (columns x, y, x, y) crosses."""
+    def side(a, b, c):
+        return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+    one, two = segments[:, :2].T[..., None], segments[:, 2:].T[..., None]
+    start, end = lines[:2, None], lines[2:, None]
+    return np.sum((side(start, end, one) * side(start, end, two) < 0)
+                  & (side(one, two, start) * side(one, two, end) < 0), axis=0)

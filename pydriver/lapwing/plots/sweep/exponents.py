@@ -1,0 +1,112 @@
+"""Largest Lyapunov exponent under the orbit diagram of a sweep, on a shared axis."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lapwing.base.codes import Status
+from lapwing.plots import critical_marks, style
+from lapwing.plots.sweep import parts as sweep_parts
+
+
+@style.house_style()
+def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
+         marks=()):
+    """Draw a sweep with its exponents.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset, result of `lapwing.sweep` with 'cycles' and 'exponents' observed, as it
+        is or as group `sweep_<name>` of a result file
+    gear_pair : mapping or None, not used
+    title : str
+    full_engagement : float or None, parameter value above which the engaged response never
+        separates; default: as stored with the sweep
+    claims : not used; as in the other figures of a sweep
+    marks : sequence of critical_marks.Mark, critical values to draw as bars
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure = style.new_figure(10, 9)
+    axes = figure.subplots(3, 1, sharex=True, height_ratios=[2.4, 2.2, 1.6])
+    for axis, panel, letter in zip(axes, (_section, _exponents, _multipliers), "abc", strict=True):
+        axis.set_title(f"({letter}) {panel(axis, sweep)}")
+    values = sweep[sweep_parts.parameter_of(sweep)].values
+    engaged = sweep_parts.full_engagement_of(sweep, full_engagement)
+    sweep_parts.mark_full_engagement(axes, engaged, axes[1], sweep, height=0.25)
+    critical_marks.draw_marks(axes, axes[0], marks, values, engaged)
+    sweep_parts.finish(figure, axes, sweep,
+                       f"exponents: {sweep.attrs.get('name', '')}" if title is None else title)
+    sweep_parts.legend(figure, axes[0], sweep, failed=bool(sweep_parts.failed(sweep).any()))
+    return figure
+
+
+def _section(axis, sweep):
+    """Strobed displacement, µrad.  Every panel returns its heading."""
+    from lapwing.plots.sweep.orbit_diagram import _section as section
+
+    return section(axis, sweep, None, ())
+
+
+def _exponents(axis, sweep):
+    """Largest exponent per mesh cycle with its error; what is lost, in a row at the bottom."""
+    known = _finite(sweep["lyapunov_exponent_per_cycle"].values)
+    axis.set_ylabel("largest Lyapunov exponent\n(per mesh cycle)")
+    if not known.size and not np.isneginf(sweep["lyapunov_exponent"].values).any():
+        style.nothing(axis, "no exponent is known")
+        return "largest Lyapunov exponent"
+    low = min(float(known.min(initial=0.0)), -1e-3)
+    high = max(float(known.max(initial=0.0)), 0.05 * -low)
+    floor = low - 0.12 * (high - low)
+    lost = 0
+    for branch, look in sweep_parts.branches(sweep):
+        x = branch[sweep_parts.parameter_of(sweep)].values
+        rate = branch["lyapunov_exponent_per_cycle"].values
+        error, per_tau = (branch[name].values for name in ("lyapunov_exponent_error",
+                                                           "lyapunov_exponent"))
+        shown = np.isfinite(error) & np.isfinite(rate) & (per_tau != 0) \
+            & (branch["period"].values == 0)
+        error = error * np.divide(rate, per_tau, out=np.zeros_like(rate), where=shown)
+        error[~shown] = 0
+        axis.errorbar(x, np.where(np.isfinite(rate), rate, np.nan), error, linestyle="",
+                      marker="o", markersize=1.8 + look["size"], markeredgewidth=0,
+                      elinewidth=0.8, color=look["color"], alpha=look["alpha"])
+        gone = np.isneginf(rate)
+        lost += int(gone.sum())
+        axis.plot(x[gone], np.full(gone.sum(), floor), linestyle="", marker="v", markersize=4,
+                  color=look["color"])
+    axis.axhspan(0, high + 0.08 * (high - low), color=style.ORANGE, alpha=0.10, linewidth=0)
+    axis.axhline(0, color="0.3", linewidth=0.9)
+    axis.set_ylim((floor if lost else low) - 0.06 * (high - low), high + 0.08 * (high - low))
+    return ("largest Lyapunov exponent; bars: 95 % intervals, chaos where all of one is shaded"
+            + "; ▾: -∞, at rest on the rigid flank" * bool(lost))
+
+
+def _multipliers(axis, sweep):
+    """Magnitude of the larger Floquet multiplier of the periodic motions, and its sign."""
+    axis.set_ylabel("larger Floquet\nmultiplier |λ|")
+    if not np.isfinite(sweep["multiplier_real"].values).any():
+        style.nothing(axis, "no multiplier is known")
+        return "periodic motions"
+    for branch, look in sweep_parts.branches(sweep):
+        x = branch[sweep_parts.parameter_of(sweep)].values
+        real, imag = (branch[f"multiplier_{part}"].values[:, 0] for part in ("real", "imag"))
+        shown = (branch["status"].values == Status.OK) & np.isfinite(real)
+        for kind, marker in ((imag != 0, "s"), ((imag == 0) & (real < 0), "v"),
+                             ((imag == 0) & (real >= 0), "^")):
+            rows = shown & kind
+            axis.plot(x[rows], np.hypot(real, imag)[rows], linestyle="", marker=marker,
+                      markersize=2.2 + look["size"], markeredgewidth=0, color=look["color"],
+                      alpha=look["alpha"])
+    axis.axhline(1, color="0.3", linewidth=0.9)
+    axis.set_ylim(0, 1.12)
+    return "periodic motions: ▾ λ < 0 (at 1: period doubling), ▴ λ > 0, ■ a complex pair"
+
+
+def _finite(values):
+    return values[np.isfinite(values)]
+
+
+__all__ = ["draw"]

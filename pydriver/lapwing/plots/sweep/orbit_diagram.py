@@ -1,0 +1,175 @@
+"""Orbit diagram of a sweep: section, impact speeds, impacts per cycle, period."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lapwing.base.arrivals import arrivals_in, per_cycle
+from lapwing.base.codes import Status
+from lapwing.plots import critical_marks, style
+from lapwing.plots.style import save
+from lapwing.plots.sweep import parts as sweep_parts
+
+# Periods above this share a row of the strip.
+HIGHEST_PERIOD = 8
+# Places told apart over the height of a panel, several to a pixel; and the number of points on
+# one after which further ones change little, even at the edge of a small dot.
+PLACES, OPAQUE = 4096, 20
+
+
+@style.house_style()
+def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
+         marks=()):
+    """Draw a sweep.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset, result of `lapwing.sweep` with 'cycles' observed, as it is or as group
+        `sweep_<name>` of a result file; the impact speeds need 'impacts' observed as well
+    gear_pair : mapping or None, group `gear_pair`; gives speeds in rad/s and mm/s
+    title : str
+    full_engagement : float or None, parameter value above which the engaged response never
+        separates; default: as stored with the sweep
+    claims : sequence of (parameter value, depth in rad, text, impacts per cycle), the last one or
+        two may be missing; default: as stored with the sweep
+    marks : sequence of critical_marks.Mark, critical values to draw as bars
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    panels = {_section: 3.0, _impact_speeds: 2.4, _impacts: 1.6, _periods: 1.3}
+    if "impact_velocity" not in sweep or not arrivals_in(sweep.attrs).threshold:
+        panels[_depths] = panels.pop(_impact_speeds)
+        panels = {panel: panels[panel] for panel in (_section, _depths, _impacts, _periods)}
+    claims = sweep_parts.claims_of(sweep, claims)
+    figure = style.new_figure(10, 10.5)
+    axes = figure.subplots(4, 1, sharex=True, height_ratios=list(panels.values()))
+    for axis, panel, letter in zip(axes, panels, "abcd", strict=True):
+        axis.set_title(f"({letter}) {panel(axis, sweep, gear_pair, claims)}")
+    parameter = sweep_parts.parameter_of(sweep)
+    sweep_parts.mark_full_engagement(
+        axes, sweep_parts.full_engagement_of(sweep, full_engagement), axes[1], sweep)
+    critical_marks.draw_marks(axes, axes[0], marks, sweep[parameter].values,
+                              sweep_parts.full_engagement_of(sweep, full_engagement))
+    sweep_parts.finish(figure, axes, sweep,
+                       f"orbit diagram: {sweep.attrs.get('name', '')}" if title is None else title)
+    shown = [one for one in claims if np.isfinite(one.impacts) or (np.isfinite(one.depth)
+             and _depths in panels)]
+    sweep_parts.legend(figure, axes[0], sweep, claims=bool(shown),
+                       failed=bool(sweep_parts.failed(sweep).any()))
+    return figure
+
+
+# The name used by scripts.
+orbit_diagram = draw
+
+
+def _dots(axis, x, y, look):
+    """All points of a branch (n values; n, m points of each); the scale must be final.
+
+    A periodic motion comes to the same places in every cycle; no more is drawn than can be seen.
+    """
+    x = np.broadcast_to(x[:, None], y.shape)[np.isfinite(y)]
+    y = y[np.isfinite(y)]
+    if y.size == 0:
+        return
+    height = axis.yaxis.get_transform().transform(y)
+    row = np.round((height - height.min()) * (PLACES / (np.ptp(height) or 1))).astype(np.int64)
+    column = np.unique(x, return_inverse=True)[1]
+    _, first, count = np.unique(column * (PLACES + 1) + row, return_index=True,
+                                return_counts=True)
+    points = np.repeat(first, np.minimum(count, OPAQUE))
+    axis.plot(x[points], y[points], linestyle="", marker="o", markersize=look["size"],
+              markeredgewidth=0, alpha=look["alpha"], color=look["color"], rasterized=True)
+
+
+def _section(axis, sweep, gear_pair, claims):
+    """Strobed displacement, µrad.  Every panel returns its heading."""
+    small = style.widen_small_values(axis, style.URAD * sweep["phi"].values)
+    for branch, look in sweep_parts.branches(sweep):
+        x = branch[sweep_parts.parameter_of(sweep)].values
+        _dots(axis, x, style.URAD * branch["phi"].values, look)
+    axis.axhline(0, color="0.5", linewidth=0.8)
+    axis.set_ylim(axis.get_ylim())
+    axis.set_ylabel(f"φ at phase {float(sweep.attrs.get('phase', 0)):g} (µrad)\n"
+                    "← separated   engaged →")
+    style.arcsec_scale(axis)
+    return ("stroboscopic section: relative displacement once per mesh cycle"
+            + small * " (logarithmic but near 0)")
+
+
+def _impact_speeds(axis, sweep, gear_pair, claims):
+    """Approach speed of the recorded impacts."""
+    factor, unit, millimetres = style.speed_unit(gear_pair)
+    for branch, look in sweep_parts.branches(sweep):
+        x = branch[sweep_parts.parameter_of(sweep)].values
+        _dots(axis, x, factor * np.abs(branch["impact_velocity"].values), look)
+    axis.set_ylabel(f"approach speed |φ'|\n({unit})")
+    if np.isfinite(sweep["impact_velocity"].values).any():
+        axis.set_ylim(bottom=0)
+        style.speed_scale(axis, millimetres)
+    else:
+        style.nothing(axis, "no impact at any point that has a result")
+    room = sweep.sizes["impact"]
+    capped = bool((sweep["n_impacts"] > room).any())
+    return ("speed of impacts at either flank, relative to it"
+            + (f"; of each point the first {room} recorded" if capped else ""))
+
+
+def _depths(axis, sweep, gear_pair, claims):
+    """Deepest separation, µrad, where no impact speeds were recorded."""
+    from lapwing.plots.sweep.deepest_separation import depth_lines
+
+    depth_lines(axis, sweep)
+    for claim in claims:
+        if np.isfinite(claim.depth):
+            sweep_parts.claim_marker(axis, claim.value, style.URAD * claim.depth)
+    axis.set_ylabel("deepest separation\n(µrad)")
+    style.arcsec_scale(axis)
+    return "deepest separation of the drive flanks in the recorded cycles"
+
+
+def _impacts(axis, sweep, gear_pair, claims):
+    """Arrivals per cycle at the drive flank, and at the coast flank where there are any."""
+    law = arrivals_in(sweep.attrs)
+    for branch, look in sweep_parts.branches(sweep):
+        x = branch[sweep_parts.parameter_of(sweep)].values
+        axis.plot(x, per_cycle(branch), color=look["color"],
+                  linewidth=1.0 + 0.4 * look["size"])
+        back = per_cycle(branch, "coast")
+        axis.plot(x, np.where(back > 0, back, np.nan), linestyle="", marker="v",
+                  markersize=2 + look["size"], markeredgewidth=0, color=look["color"])
+    for claim in claims:
+        if np.isfinite(claim.impacts):
+            sweep_parts.claim_marker(axis, claim.value, claim.impacts)
+    axis.set_ylabel(f"{law.word}s\nper cycle")
+    axis.set_ylim(bottom=0)
+    axis.yaxis.get_major_locator().set_params(integer=True)
+    return (f"{law.word}s per cycle, {law.rule(float(sweep.attrs['count_depth']))}; "
+            "▾ at the coast flank")
+
+
+def _periods(axis, sweep, gear_pair, claims):
+    """Period in mesh cycles; motions without one, and failed runs, in rows of their own."""
+    none, lost = HIGHEST_PERIOD + 2, HIGHEST_PERIOD + 4
+    rows = [1, 2, 4, 6, HIGHEST_PERIOD, none]
+    labels = ["1", "2", "4", "6", f"≥{HIGHEST_PERIOD}", "none"]
+    if sweep_parts.failed(sweep).any():
+        rows, labels = [*rows, lost], [*labels, "failed"]
+    for branch, look in sweep_parts.branches(sweep):
+        x = branch[sweep_parts.parameter_of(sweep)].values
+        period, fails = branch["period"].values, sweep_parts.failed(branch)
+        done = branch["status"].values == Status.OK
+        shown = np.where(period == 0, none, np.minimum(period, HIGHEST_PERIOD))
+        axis.plot(x[done], shown[done], linestyle="", marker="s", color=look["color"],
+                  markersize=1.2 + 1.3 * look["size"], markeredgewidth=0)
+        axis.plot(x[fails], np.full(np.sum(fails), lost), linestyle="", marker="x", markersize=4,
+                  color=look["color"])
+    axis.set_yticks(rows, labels)
+    axis.set_ylim(0, rows[-1] + 1)
+    axis.set_ylabel("period\n(mesh cycles)")
+    return "period of the motion"
+
+
+__all__ = ["draw", "orbit_diagram", "save"]

@@ -1,0 +1,165 @@
+"""What the figures of a sweep share: branches, the marked critical value, the source's claims."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lapwing.base.codes import Status
+from lapwing.plots import style
+from lapwing.results.findings import evidence_beyond, names
+
+AXIS_LABELS = {"brake_torque": "braking torque (N·m)", "drive_torque": "drive torque (N·m)",
+               "pinion_speed_rpm": "pinion speed (rpm)",
+               "pinion_speed_rad_s": "pinion speed (rad/s)",
+               "mesh_frequency_hz": "mesh frequency (Hz)", "backlash": "backlash (rad)",
+               "restitution": "coefficient of restitution", "damping_ratio": "damping ratio"}
+
+# Part of the range that the words beside the line of complete engagement may need.
+ROOM = 0.4
+# Free part of the range at either end, so that the points there are whole.
+MARGIN = 0.008
+
+
+class Claim(NamedTuple):
+    """What a source reports at one value of the parameter; NaN: nothing.
+
+    Attributes
+    ----------
+    value : float, of the parameter
+    depth : float, rad; deepest separation
+    text : str
+    impacts : float, impacts per cycle
+    """
+
+    value: float
+    depth: float = np.nan
+    text: str = ""
+    impacts: float = np.nan
+
+
+def claims_of(sweep, given):
+    """Claims within the range of a sweep: as given, or (None) as stored with it."""
+    claims = [Claim(*one) for one in given or ()]
+    if given is None and "claim_value" in sweep:
+        claims = [Claim(float(value), float(depth), str(text)) for value, depth, text in zip(
+            sweep["claim_value"].values, sweep["claim_deepest_separation"].values,
+            sweep["claim_text"].values, strict=True)]
+    values = sweep[parameter_of(sweep)].values
+    return [claim for claim in claims if values[0] <= claim.value <= values[-1]]
+
+
+def parameter_of(sweep):
+    """Name of the parameter swept."""
+    return sweep["status"].dims[1]
+
+
+def branches(sweep):
+    """(dataset, style) of each start that was swept, in drawing order."""
+    starts = [str(start) for start in sweep["start"].values]
+    return [(sweep.isel(start=starts.index(start)), style.START_STYLES[start])
+            for start in style.DRAWING_ORDER if start in starts]
+
+
+def failed(dataset):
+    """Where a run failed numerically; points that an interrupted sweep never reached are not."""
+    status = dataset["status"].values
+    return (status != Status.OK) & (status != Status.UNFINISHED)
+
+
+def lost(sweep, start):
+    """Words for a start without any result; empty where it has one."""
+    some = bool((sweep["status"].sel(start=start).values == Status.OK).any())
+    return "" if some else "no result at any value"
+
+
+def full_engagement_of(sweep, given):
+    """Critical value of complete engagement: as given, or as stored; None if unknown."""
+    stored = sweep.attrs.get("full_engagement")
+    given = stored if given is None else given
+    return None if given is None or not np.isfinite(given) else float(given)
+
+
+def mark_full_engagement(axes, value, labelled, sweep, height=0.96):
+    """A vertical line through all panels; in one of them its number and what rattles above it."""
+    x = sweep[parameter_of(sweep)].values
+    if value is None or not x[0] <= value <= x[-1]:
+        return
+    for axis in axes:
+        axis.axvline(value, color="0.35", linewidth=0.9, linestyle=(0, (5, 3)), zorder=1)
+    # Where there is no room to the left of the line, the words go to its right.
+    left = value - x[0] > ROOM * (x[-1] - x[0])
+    labelled.annotate(
+        f"T_full = {value:.5g}: contact can be kept from here;\n{_beyond(sweep, value)}",
+        (value, height),
+        xycoords=("data", "axes fraction"), xytext=(-6 if left else 6, 0),
+        textcoords="offset points", ha="right" if left else "left", va="top",
+        fontsize=8.5, color="0.25",
+        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1})
+
+
+def _beyond(sweep, value):
+    """What was seen to rattle above a value, in few words: the report says the rest."""
+    if "states_visited" not in sweep:
+        return "other motions may rattle above"
+    evidence = evidence_beyond(sweep, value)
+    seen = [one for one in evidence if one.rattling.size]
+    looked = [one for one in evidence if one.looked.size]
+    if seen:
+        last = max(one.rattling[-1] for one in seen)
+        starts = names([one.start for one in seen if one.rattling[-1] == last])
+        return f"rattling seen up to {last:g} ({starts})"
+    if not looked:
+        return "what rattles above is not known"
+    blind = names([one.start for one in evidence if not one.looked.size])
+    return "no rattling seen above" + f" ({blind}: not known)" * bool(blind)
+
+
+def edges_of(values):
+    """Edges of columns around values."""
+    if values.size == 1:
+        return np.array([values[0] - 0.5, values[0] + 0.5])
+    middle = 0.5 * (values[1:] + values[:-1])
+    return np.concatenate([[2 * values[0] - middle[0]], middle, [2 * values[-1] - middle[-1]]])
+
+
+def claim_marker(axis, value, height):
+    """An open diamond."""
+    axis.plot(value, height, marker="D", markersize=7, markerfacecolor="none", clip_on=False,
+              markeredgecolor=style.CLAIM, markeredgewidth=1.8, linestyle="", zorder=6)
+
+
+def legend(figure, axis, sweep, *, claims=False, failed=False):
+    """One entry for each branch, with markers that can be seen, outside of the panels."""
+    from matplotlib.lines import Line2D
+
+    handles = [Line2D([], [], linestyle="", marker="o", markersize=5, color=look["color"],
+                      label=look["label"]) for _, look in reversed(branches(sweep))]
+    if claims:
+        handles.append(Line2D([], [], linestyle="", marker="D", markersize=6, label="source",
+                              markerfacecolor="none", markeredgecolor=style.CLAIM,
+                              markeredgewidth=1.6))
+    if failed:
+        handles.append(Line2D([], [], linestyle="", marker="x", markersize=6, label="failed",
+                              color=style.BLACK))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+
+
+def finish(figure, axes, sweep, title):
+    """Label and limits of the parameter's axis, and the heading."""
+    parameter = parameter_of(sweep)
+    values = sweep[parameter].values
+    axes[-1].set_xlabel(AXIS_LABELS.get(parameter, parameter.replace("_", " ")))
+    if values.size == 1:
+        axes[-1].set_xticks(values)
+    if values[-1] > values[0]:
+        if values[0] > 0 and np.ptp(np.diff(np.log(values))) < 1e-6 and values[-1] > 3 * values[0]:
+            axes[-1].set_xscale("log")
+            style.plain_powers(axes[-1].xaxis)
+            wider = (values[-1] / values[0]) ** MARGIN
+            axes[-1].set_xlim(values[0] / wider, values[-1] * wider)
+        else:
+            wider = MARGIN * (values[-1] - values[0])
+            axes[-1].set_xlim(values[0] - wider, values[-1] + wider)
+    figure.suptitle(title)

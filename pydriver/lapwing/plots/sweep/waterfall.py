@@ -1,0 +1,69 @@
+"""Order spectra against the parameter of a sweep, as an image."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lapwing.plots import critical_marks, style
+from lapwing.plots.sweep import parts as sweep_parts
+
+DECADES = 5
+
+
+@style.house_style()
+def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
+         marks=()):
+    """Draw the order spectra of φ, one panel for each start.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset, result of `lapwing.sweep` with 'spectra' observed, as it is or as group
+        `sweep_<name>` of a result file
+    gear_pair : mapping or None, not used
+    title : str
+    full_engagement : float or None, parameter value above which the engaged response never
+        separates; default: as stored with the sweep
+    claims : not used; as in the other figures of a sweep
+    marks : sequence of critical_marks.Mark, critical values to draw as bars
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    from matplotlib.colors import LogNorm
+
+    parameter = sweep_parts.parameter_of(sweep)
+    values, orders = sweep[parameter].values, sweep["order"].values
+    spectra = style.URAD * sweep["order_spectrum"].values.astype(float)
+    top = float(np.nanmax(spectra, initial=0.0)) or 1.0
+    figure = style.new_figure(10, 1.6 + 2.9 * len(spectra))
+    axes = figure.subplots(len(spectra), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+    natural = 1 / sweep["mesh_frequency_ratio"].values
+    for axis, start, amplitude, letter in zip(axes, sweep["start"].values, spectra, "abc",
+                                              strict=False):
+        image = axis.pcolormesh(
+            sweep_parts.edges_of(values), sweep_parts.edges_of(orders),
+            np.maximum(amplitude, top * 10.0**-DECADES).T,
+            norm=LogNorm(top * 10.0**-DECADES, top), cmap="viridis", rasterized=True)
+        axis.plot(values, natural, color="white", linewidth=1.2, linestyle=(0, (5, 3)))
+        axis.set_ylim(0, orders[-1])
+        axis.set_yticks(np.arange(0, orders[-1] + 1, 2 if orders[-1] > 10 else 1))
+        axis.set_ylabel("mesh order\n(multiples of the mesh frequency)")
+        axis.set_title(f"({letter}) {style.START_STYLES[str(start)]['label']}; dashed: natural "
+                       "frequency")
+        axis.grid(False)
+        if sweep_parts.lost(sweep, start):
+            style.note(axis, sweep_parts.lost(sweep, start))
+    figure.colorbar(image, ax=list(axes), label="amplitude of φ (µrad)", pad=0.02, aspect=40,
+                    extend="min")
+    engaged = sweep_parts.full_engagement_of(sweep, full_engagement)
+    if engaged is not None and values[0] <= engaged <= values[-1]:
+        for axis in axes:
+            axis.axvline(engaged, color="white", linewidth=0.9)
+    critical_marks.draw_marks(axes, axes[0], marks, values, engaged)
+    sweep_parts.finish(figure, axes, sweep,
+                       f"order spectra: {sweep.attrs.get('name', '')}" if title is None else title)
+    return figure
+
+
+__all__ = ["draw"]

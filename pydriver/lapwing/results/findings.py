@@ -1,0 +1,128 @@
+"""What the points of a sweep show, and which of them have a result to judge by."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lapwing.base.codes import MotionState, Status
+
+START_NAMES = {"rest": "each from rest", "up": "carried upwards", "down": "carried downwards"}
+ENGAGED = 1 << MotionState.ENGAGEMENT
+
+
+class Evidence(NamedTuple):
+    """What one start shows beyond a value of the parameter.
+
+    Attributes
+    ----------
+    start : str
+    looked : array (n,), values beyond it that have a result
+    rattling : array (m,), those of them at which the motion rattles
+    wanted : int, number of values of the sweep beyond it
+    """
+
+    start: str
+    looked: np.ndarray
+    rattling: np.ndarray
+    wanted: int
+
+
+def known(sweep):
+    """Whether each point has a result: neither failed nor never reached."""
+    return sweep["status"].values == Status.OK
+
+
+def rattles(sweep):
+    """Whether some recorded cycle of each point saw anything but drive flank engagement.
+
+    As in the search for T_safe: another motion state, or an impact. False where nothing is known.
+    """
+    visited, impacts = (sweep[name].transpose(..., "recorded_cycle").values
+                        for name in ("states_visited", "impacts"))
+    return known(sweep) & np.any((visited != ENGAGED) | (impacts > 0), axis=-1)
+
+
+def search_known(critical):
+    """Whether what a search found rests on motions that were followed, not on failed ones alone."""
+    attrs = critical.attrs
+    if attrs["outcome"] == "found" or "trial_failed" not in critical:
+        return True
+    if attrs["find"] == "back":
+        return bool(critical["trial_cycles"].values.any())
+    at = critical["trial_value"].values == attrs["scan_from"]
+    return attrs["outcome"] != "unsafe_throughout" \
+        or bool(critical["trial_rattling"].values[at].any())
+
+
+def search_bounded(critical):
+    """Whether motions were seen to rattle at the unsafe end of a bracket, not to fail alone."""
+    if critical.attrs["find"] != "safe" or critical.attrs["outcome"] != "found":
+        return True
+    at = critical["trial_value"].values == critical.attrs["rattling"]
+    return bool(critical["trial_rattling"].values[at].any())
+
+
+def evidence_beyond(sweep, value):
+    """What each start shows at the values above one, T_full for instance.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset of `lapwing.sweep` with 'cycles' observed
+    value : float, of the parameter
+
+    Returns
+    -------
+    list of Evidence
+    """
+    values = sweep[sweep["status"].dims[1]].values
+    above = values > value
+    return [Evidence(str(start), values[above & done], values[above & seen], int(above.sum()))
+            for start, done, seen in zip(sweep["start"].values, known(sweep), rattles(sweep),
+                                         strict=True)]
+
+
+def words_beyond(sweep, value, unit=""):
+    """Whether rattling was seen above a value, up to where, from which starts and values.
+
+    Parameters
+    ----------
+    sweep, value : as for `evidence_beyond`
+    unit : str, of the parameter
+
+    Returns
+    -------
+    str
+    """
+    evidence = evidence_beyond(sweep, value)
+    if not evidence[0].wanted:
+        return "whether anything rattles above was not looked at"
+    seen = [one for one in evidence if one.rattling.size]
+    quiet = [one for one in evidence if one.looked.size and not one.rattling.size]
+    blind = [one for one in evidence if not one.looked.size]
+    parts = []
+    for last in sorted({one.rattling[-1] for one in seen}, reverse=True):
+        starts = [one.start for one in seen if one.rattling[-1] == last]
+        parts.append(f"{'' if parts else 'rattling seen up to '}{last:g} {unit}".rstrip()
+                     + f" ({names(starts)})")
+    for looked in sorted({tuple(one.looked) for one in quiet}):
+        starts = [one.start for one in quiet if tuple(one.looked) == looked]
+        parts.append(f"{'none' if seen else 'no rattling seen'} at {span(looked, unit)} above it "
+                     f"({names(starts)})")
+    if blind:
+        head = "" if parts else "what rattles above: "
+        parts.append(f"{head}not known ({names([one.start for one in blind])})")
+    return "; ".join(parts)
+
+
+def span(values, unit=""):
+    """So many values, and from where to where: '3 values from 12 to 14 N·m'."""
+    if len(values) == 1:
+        return f"1 value, {values[0]:g} {unit}".rstrip()
+    return f"{len(values)} values from {values[0]:g} to {values[-1]:g} {unit}".rstrip()
+
+
+def names(starts):
+    """Starts in words."""
+    return ", ".join(START_NAMES.get(start, start) for start in starts)

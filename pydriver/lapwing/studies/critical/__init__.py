@@ -1,0 +1,1 @@
+"""Critical values: above which nothing separates, rattles or hits the back."""

@@ -1,0 +1,57 @@
+"""Critical values as a deck asks for them."""
+
+from __future__ import annotations
+
+from lapwing.engine import Numerics
+from lapwing.studies.critical import run as search
+from lapwing.studies.labels import labels
+
+
+def critical_study(deck, study, threads, done=None):
+    """One critical value of a deck.
+
+    Parameters
+    ----------
+    deck : lapwing.deck.Deck
+    study : lapwing.deck.Critical
+    threads : int
+    done : callable(fraction) or None
+
+    Returns
+    -------
+    xarray.Dataset, from `lapwing.critical_full` and the like, with `labels.labels`
+    """
+    options = {"parameter": study.parameter, "values": study.values, "safe_end": study.safe_end,
+               **study.operation}
+    if study.starts is not None:
+        options |= {"starts": search.StartGrid(*study.starts), "settle": study.settle_cycles,
+                    "record": study.record_cycles, "phase": deck.numerics["start_phase"],
+                    "numerics": Numerics(**deck.numerics_of(study)), "threads": threads,
+                    "progress": done}
+    if study.find == "safe":
+        options |= {"resolution": study.resolution, "further": study.further_values}
+    elif study.find == "back":
+        options["confidence"] = study.confidence
+    find = {"full": search.critical_full, "safe": search.critical_safe,
+            "back": search.critical_back, "on": search.critical_on}[study.find]
+    return find(deck.gear_pair, deck.te, **options).assign_attrs(labels(deck, study))
+
+
+def full_engagement(deck, study):
+    """T_full where a response, or a sweep of the braking torque, runs.
+
+    The driving torque is in balance or as given.
+
+    Returns
+    -------
+    dict of the attributes full_engagement (N·m) and full_engagement_phase (mesh periods), empty
+    where there is none
+    """
+    if getattr(study, "parameter", "brake_torque") != "brake_torque" \
+            or study.operation["contact_law"] == "rigid":
+        return {}
+    operation = {key: value for key, value in study.operation.items() if key != "brake_torque"}
+    found = search.critical_full(deck.gear_pair, deck.te, **operation).attrs
+    if found["outcome"] != "found":
+        return {}
+    return {"full_engagement": found["estimate"], "full_engagement_phase": found["phase"]}

@@ -1,0 +1,1 @@
+"""One motion: its history, its period, its stability, its forces."""

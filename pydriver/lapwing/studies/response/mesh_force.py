@@ -1,0 +1,164 @@
+"""Mean and peak of the mesh force over each cycle, from the known motion of each contact arc.
+
+In contact d'' + 2ξd' + d = F - g'' (without g'' at a coast flank that stands still), and the force
+of spring and damper is f = d + 2ξd' in units of k'·lever.  Its integral over an arc follows from
+momentum alone, f = F - θ'':
+
+    ∫f dτ = F·(b - a) - (θ'(b) - θ'(a)),                θ' = φ' + g'.
+
+Its extremes are those of the arc's own power series, begun at states of the run that lie close
+together; an interval whose bound lies below a force found already is not searched.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.polynomial import polynomial as power
+
+from lapwing.base.codes import EventKind, MotionState, Status
+from lapwing.engine import of_kind
+from lapwing.engine.records import SAMPLE
+from lapwing.model.transmission_error import stationary_points
+
+# Terms of the series.  Intervals are so short that |λ|h <= 1/2 for both free exponents λ and
+# 2πnh <= 1/2 for each harmonic n: what is left out is below 1/(2^18·18!) = 6e-22.
+TERMS = 18
+LONGEST = 0.5
+BEGINS = {EventKind.ENGAGE: MotionState.ENGAGEMENT, EventKind.CHATTER_END: MotionState.ENGAGEMENT,
+          EventKind.BACK_ENGAGE: MotionState.BACK_ENGAGEMENT,
+          EventKind.BACK_CHATTER_END: MotionState.BACK_ENGAGEMENT}
+ENDS = (EventKind.RELEASE, EventKind.BACK_RELEASE)
+
+
+def sample_phases(osc, samples_per_cycle: int):
+    """Phases to sample, close enough for the series, and which of them are the even ones stored.
+
+    Every knot of a table is among them, so that g is one polynomial on each interval.
+
+    Returns
+    -------
+    (n,) array of mesh phases, rising; (samples_per_cycle,) array of indices into them
+    """
+    order = np.max(osc.te.harmonics[:, 0], initial=0.0) if len(osc.te.harmonics) else 0.0
+    longest = LONGEST * min(1.0, 1 / max(2 * osc.damping_ratio, 1e-300),
+                            osc.period / (2 * math.pi * order) if order else math.inf)
+    each = math.ceil(osc.period / (longest * samples_per_cycle))
+    even = np.arange(samples_per_cycle * each) / (samples_per_cycle * each)
+    grid = even if order else np.union1d(even, osc.te.knots[:-1])
+    return grid, np.searchsorted(grid, np.arange(samples_per_cycle) / samples_per_cycle)
+
+
+def flank_motion(osc, phase, side="right"):
+    """g, g' (rad, per τ) of the drive flank; `side` tells the limit at a knot."""
+    return [osc.flank_scale / osc.period**k * osc.te.derivative(k, phase, side) for k in range(2)]
+
+
+def deflection(osc, state, phi, phi_dot, g, slope):
+    """Deflection of the flank in contact and its rate, rad and rad per τ."""
+    coast = state == MotionState.BACK_ENGAGEMENT
+    standing = coast & (not osc.back_flank_te)
+    return (np.where(coast, phi + osc.gap_width, phi) + np.where(standing, g, 0.0),
+            phi_dot + np.where(standing, slope, 0.0))
+
+
+def contact_forces(osc, recording):
+    """Mean and largest magnitude of W/(k'·lever) in each cycle, (2, record), rad.
+
+    Impacts are not included. NaN where a run failed, and under the rigid law, which has no spring.
+    """
+    record = len(recording.cycles)
+    result = np.full((2, record), np.nan)
+    if recording.status != Status.OK or osc.contact_law == "rigid":
+        return result
+    size = recording.grid.size
+    phase = np.append(recording.grid, 1.0)
+    flank = flank_motion(osc, phase)
+    log = of_kind(recording.events, (*BEGINS, *ENDS))
+    for m in range(record):
+        samples = recording.samples[m * size:(m + 1) * size + 1]
+        nodes = _nodes(osc, phase, samples, flank, log[log["cycle"] == m])
+        result[:, m] = _mean(osc, nodes), _peak(osc, nodes)
+    return result
+
+
+def _nodes(osc, phase, samples, flank, events):
+    """Columns (t, state, d, d', θ') at samples and events in order; the state is the one after.
+
+    Of an end of contact, and of a sample where contact goes on, the last two hold before it too.
+    """
+    state, phi, phi_dot = (samples[name] for name in SAMPLE)
+    at = np.array([phase * osc.period, state, *deflection(osc, state, phi, phi_dot, *flank),
+                   phi_dot + flank[1]])
+    kind, t = events["kind"], events["t"]
+    before, after = events["velocity_before"], events["velocity_after"]
+    ends = np.isin(kind, ENDS)
+    begun = np.array([BEGINS.get(EventKind(int(one)), MotionState.SEPARATION) for one in kind])
+    # A coast flank that stands still has no slope of its own: velocities there are those of θ.
+    coast = kind % 2 == 0
+    moving = 0.0 if not osc.back_flank_te else 1.0
+    side = [flank_motion(osc, np.minimum(t / osc.period, 1.0), one)[1] for one in
+            ("left", "right")]
+    rate = np.where(ends, before, after)
+    own = np.where(coast, moving, 1.0) * np.where(ends, *side)
+    hits = np.array([t, begun, np.zeros(t.size), rate, rate + own])
+    # Stable: an event comes before a sample at the same time, which sees the state after it.
+    both = np.hstack([hits, at])
+    return both[:, np.argsort(both[0], kind="stable")]
+
+
+def _mean(osc, nodes):
+    """Mean force of a cycle from the momentum of each stretch of contact."""
+    contact = nodes[1, :-1] != MotionState.SEPARATION
+    t, momentum = nodes[0], nodes[4]
+    # A stretch of unbroken contact telescopes; rounding is that of its two ends.
+    edges = np.diff(np.concatenate([[0], contact.astype(int), [0]]))
+    first, last = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    return float(np.sum(osc.force * (t[last] - t[first]) - (momentum[last] - momentum[first]))
+                 / osc.period)
+
+
+def _peak(osc, nodes):
+    """Largest magnitude of the force in a cycle."""
+    width = np.diff(nodes[0])
+    some = (nodes[1, :-1] != MotionState.SEPARATION) & (width > 0)
+    if not some.any():
+        return 0.0
+    series = _force_series(osc, nodes[:, :-1][:, some], width[some])
+    ends = np.abs(np.array([series[:, 0], series.sum(axis=1)]))
+    best = float(ends.max())
+    bound = 0.5 * (ends.sum(axis=0) + np.abs(series) @ np.arange(series.shape[1]))
+    for i in np.argsort(-bound):
+        if bound[i] <= best:
+            break
+        values = power.polyval(stationary_points(series[i]), series[i])
+        best = max(best, float(np.abs(values).max()))
+    return best
+
+
+def _force_series(osc, nodes, width):
+    """f in ascending powers of (τ - node)/width, (n, TERMS - 1)."""
+    t, state, depth, rate, _ = nodes
+    double = 2 * osc.damping_ratio
+    forcing = _flank_series(osc, t / osc.period, width)
+    forcing[(state == MotionState.BACK_ENGAGEMENT) & (not osc.back_flank_te)] = 0.0
+    terms = np.zeros((t.size, TERMS))
+    terms[:, 0], terms[:, 1] = depth - osc.force, rate * width
+    for k in range(TERMS - 2):
+        terms[:, k + 2] = -forcing[:, k + 2] - double * width * terms[:, k + 1] / (k + 2) \
+            - width**2 * terms[:, k] / ((k + 1) * (k + 2))
+    rates = terms[:, 1:] * np.arange(1, TERMS) / width[:, None]
+    force = terms[:, :-1] + double * rates
+    force[:, 0] += osc.force
+    return force
+
+
+def _flank_series(osc, phase, width):
+    """g in ascending powers of (τ - node)/width, (n, TERMS)."""
+    turn = width / osc.period
+    degree = TERMS if len(osc.te.harmonics) else osc.te.coefficients.shape[1]
+    series = np.zeros((phase.size, TERMS))
+    for k in range(degree):
+        series[:, k] = osc.flank_scale * osc.te.derivative(k, phase) * turn**k / math.factorial(k)
+    return series

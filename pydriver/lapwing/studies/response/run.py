@@ -1,0 +1,298 @@
+"""One operating point looked at closely: history, events, mesh force, energy, error estimates.
+
+W = k'·(r_m1·n_mt)·(d + 2ξ·d') is the force of spring and damper, d the deflection (rad) of the
+flank in contact: φ at the drive flank, φ + width at the coast flank, θ + width at a coast flank
+that stands still.  Impacts are instants; their impulses per time are a mean force of their own.
+Over whole periods  mean W + impulses per time = k'·(r_m1·n_mt)·F,  the averaged equation of motion.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lapwing import engine
+from lapwing.base import arguments, estimates
+from lapwing.base.arguments import MAX_INT, Refusals
+from lapwing.base.arrivals import arrivals_of
+from lapwing.base.codes import EventKind, MotionState, Status
+from lapwing.engine import Numerics, columns, impacts_of
+from lapwing.engine.records import (
+    CYCLE,
+    CYCLE_REALS,
+    EVENT,
+    SAMPLE,
+)
+from lapwing.studies.intervals import mean_interval
+from lapwing.studies.period import MAX_PERIOD, find_period, motion_class
+from lapwing.studies.response import motion
+from lapwing.studies.response.mesh_force import (
+    contact_forces,
+    deflection,
+    flank_motion,
+    sample_phases,
+)
+from lapwing.studies.response.recording import Recording, recorded
+from lapwing.studies.sweep.run import LABELS
+from lapwing.studies.trajectory import checked_start, engine_start
+
+# Averages over cycles, and largest values over cycles.
+MEANS = ("impacts_per_cycle", "back_impacts_per_cycle", "resolved_impacts_per_cycle",
+         "resolved_back_impacts_per_cycle", "chatter_ends_per_cycle", "mesh_force_mean",
+         "impact_force_mean", "impact_energy_per_cycle", *motion.SHARES)
+PEAKS = ("deepest_separation", "deepest_back_penetration", "mesh_force_peak", "impact_speed_max")
+TIGHTEST_RTOL = 1e-13
+# The difference of two runs is the error of the worse one, less the better one's: a quarter more
+# (Roache 1994, J. Fluids Eng. 116, 405-413). Rounding: of the sums of a cycle's arcs.
+SAFETY = 1.25
+ROUNDING = 64 * float(np.finfo(float).eps)
+
+
+def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, record_cycles=100,
+             samples_per_cycle=400, exponents=False, method="auto", rtol=1e-8,
+             max_period=MAX_PERIOD, count_depth=0.01, chatter_tol=None,
+             max_events_per_cycle=1_000_000, max_steps_per_cycle=10_000_000, order=0,
+             brake_torque=None, claim_impacts_per_cycle=None, claim_deepest_separation=None,
+             claim_text=None):
+    """Settle, record, repeat by a second run, and say what is known of each number's error.
+
+    1. Follow the motion over the cycles to settle, recording nothing; whole cycles are recorded,
+       so that with a start phase above 0 settling ends with the cycle under way.
+    2. Record events, statistics of each cycle and samples in one pass of the engine.
+    3. Mesh force: mean by momentum and peak from the known motion of each contact arc
+       (`mesh_force`); no sampling enters.
+    4. Do the same with rk4 at rtol/100 (1e-13 at least; 100·rtol below 1e-12): `X_change` is the
+       difference of the two runs, a change and no interval.
+       `X_transient` is the second half of the recorded cycles less the first.
+    5. `X_error`, by `error_kind`. 'convergence': of a motion that repeats, 1.25 times the change,
+       the transient and rounding together. 'statistical': of any other, half of the 95 % interval
+       of an average over cycles (`intervals.mean_interval`); NaN, not known, where the record is
+       too short for it and for a largest value, which grows with the record.
+
+    Parameters
+    ----------
+    osc : Oscillator
+    pair : GearPair, the pair `osc` was made from; its units
+    name : str
+    start, phase : as for `simulate`, but for the end of another run
+    settle_cycles, record_cycles, samples_per_cycle : int; >= 0, >= 1, >= 1
+    exponents : bool, whether Floquet multipliers and Lyapunov exponents are wanted
+    method, rtol, count_depth, chatter_tol, max_events_per_cycle, max_steps_per_cycle :
+        see `Numerics`
+    max_period, order : int; mesh cycles, and the place among the responses of a deck
+    brake_torque : float, N·m; default: the one that gives the oscillator's force at balance
+    claim_* : what a source reports (depth in rad), float, float, str; kept, not judged
+
+    Returns
+    -------
+    xarray.Dataset
+        Over `sample`: time (s from the first recorded cycle), phase (mesh periods), cycle,
+        motion_state, phi (rad), phi_dot (rad per τ), mesh_force (N; coast flank negative; NaN
+        with the rigid law), dynamic_te (θ, rad).  Over `event`: event_time, event_phase, …,
+        velocity_before, velocity_after (rad per τ), impact_energy (J lost; NaN for what is no
+        impact).  Over `cycle`: cycle_*, the columns of `simulate`, forces (N; peak: largest
+        magnitude) and impact energy (J).  Cycles are counted from the first recorded one.  The
+        numbers of the summary are attributes.  A run that fails numerically has its `status`,
+        no events and NaN everywhere else (-1 in whole numbers).
+
+    Raises
+    ------
+    ValueError
+        for every refused argument.
+    """
+    _check(phase, settle_cycles=settle_cycles, record_cycles=record_cycles,
+           samples_per_cycle=samples_per_cycle, max_period=max_period)
+    estimates.require(estimates.response_bytes(record_cycles, samples_per_cycle, exponents),
+                      "response", "record_cycles or samples_per_cycle")
+    start = checked_start(osc, start, phase)
+    tolerances = {"count_depth": count_depth, "chatter_tol": chatter_tol,
+                  "max_events_per_cycle": max_events_per_cycle,
+                  "max_steps_per_cycle": max_steps_per_cycle}
+    grid, stored = sample_phases(osc, samples_per_cycle)
+    span = (settle_cycles + (phase > 0), record_cycles)
+    other = max(rtol / 100, TIGHTEST_RTOL) if rtol >= 10 * TIGHTEST_RTOL else 100 * rtol
+    numerics = Numerics(method=method, rtol=rtol, **tolerances)
+    main, reference = (
+        _Outcome.of(osc, pair, recorded(osc, (*engine_start(osc, start), phase), span, grid,
+                                         one, exponents), max_period)
+        for one in (numerics, Numerics(method="rk4", rtol=other, **tolerances)))
+    settings = {
+        "name": name, "order": order,
+        "brake_torque": osc.force / pair.force_per_torque if brake_torque is None else brake_torque,
+        "mesh_period_s": osc.period / pair.natural_frequency,
+        "method": engine.method_of(osc, numerics), "rtol": rtol,
+        "rtol_reference": other, "start_phase": phase,
+        "start": start if isinstance(start, str) else " ".join(map(str, start)),
+        "settle_cycles": settle_cycles, "record_cycles": record_cycles,
+        "first_cycle": span[0], "samples_per_cycle": samples_per_cycle,
+        "max_period": max_period, "count_depth": count_depth,
+        "claim_impacts_per_cycle": claim_impacts_per_cycle,
+        "claim_deepest_separation": claim_deepest_separation, "claim_text": claim_text}
+    given = {key: value for key, value in settings.items() if value is not None}
+    return _dataset(osc, pair, main, stored).assign_attrs(
+        given | motion.law_attributes(osc) | _findings(main, reference)
+        | motion.impact_attributes(osc, pair, main.recording.events, main.number("mesh_force_peak"))
+        | motion.motion_attributes(osc, main.recording, main.period, max_period, numerics))
+
+
+def _check(phase, **whole):
+    taken = Refusals()
+    for key, value in whole.items():
+        taken.take(arguments.whole, key, value, int(key != "settle_cycles"), MAX_INT // 4)
+    taken.take(arguments.phase, "phase", phase)
+    taken.raise_if_any("response")
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    """A recording, its statistics by cycle (dict of (record,) arrays), period and class."""
+
+    recording: Recording
+    by_cycle: dict
+    period: int
+    motion_class: str
+
+    @classmethod
+    def of(cls, osc, pair, recording, max_period):
+        column = recording.cycles
+        by_cycle = _by_cycle(osc, pair, recording, column)
+        labels = columns(column, LABELS)
+        deepest = column["deepest_separation"].max()
+        period = find_period(column["phi"], column["phi_dot"], labels,
+                             max(abs(osc.force), deepest) or osc.backlash, max_period)
+        name = "failed" if recording.status != Status.OK else motion_class(
+            period, *(by_cycle[key] for key in MEANS[:2]),
+            np.any(by_cycle["chatter_ends_per_cycle"] > 0))
+        return cls(recording, by_cycle, period, name)
+
+    def number(self, key, half=None):
+        """One number of the summary, over all recorded cycles or their first or second half.
+
+        Averages are over as many whole periods as there are (the last ones); each half as well.
+        """
+        values = self.by_cycle[key]
+        window = len(values) if half is None else len(values) // 2
+        if self.period and window >= self.period:
+            window -= window % self.period
+        if window == 0:
+            return math.nan
+        end = len(values) - window * (half == 0)
+        if key in PEAKS:
+            return float(np.max(values[end - window if half is not None else 0:end]))
+        return float(np.mean(values[end - window:end]))
+
+
+    def error(self, key, change):
+        """What is known of a number's error: of one that repeats, or of an average (NaN: nothing).
+
+        `change` is the difference from the other run.
+        """
+        if not self.period:
+            return mean_interval(self.by_cycle[key]).half_width if key in MEANS else math.nan
+        size = self.number("mesh_force_peak" if key == "mesh_force_mean" else key)
+        counted = key in MEANS[:5]
+        return SAFETY * change + abs(self.transient(key)) \
+            + (0.0 if counted else ROUNDING * abs(size))
+
+    def transient(self, key):
+        """The second half of the record less the first; NaN where it has no two."""
+        return self.number(key, 1) - self.number(key, 0)
+
+
+def _by_cycle(osc, pair, recording, column):
+    """Arrays (record,) of every number whose mean or maximum is summarised."""
+    newton = pair.mesh_stiffness * pair.pinion_base_lever
+    record = len(recording.cycles)
+    mean, peak = contact_forces(osc, recording)
+    force, energy = np.zeros(record), np.zeros(record)
+    impacts = impacts_of(recording.events)
+    cycle = impacts["cycle"].astype(int)
+    before, after = impacts["velocity_before"], impacts["velocity_after"]
+    np.add.at(force, cycle, newton * (before - after) / osc.period)
+    np.add.at(energy, cycle, 0.5 * pair.torsional_stiffness * (before**2 - after**2))
+    fastest = motion.fastest_arrivals(recording.events, record, pair.natural_frequency,
+                                      osc.contact_law)
+    if recording.status != Status.OK:
+        force, energy, fastest = force * np.nan, energy * np.nan, fastest * np.nan
+    law = arrivals_of(osc.contact_law)
+    counts = (law.drive, law.coast, law.every_drive, law.every_coast)
+    return {**dict(zip(MEANS[:4], (column[key] for key in counts), strict=True)),
+            "chatter_ends_per_cycle": column["chatter_ends"] + column["back_chatter_ends"],
+            "mesh_force_mean": newton * mean, "mesh_force_peak": newton * peak,
+            "impact_force_mean": force, "impact_energy_per_cycle": energy,
+            "deepest_separation": column["deepest_separation"],
+            "deepest_back_penetration": column["deepest_back_penetration"],
+            "states_visited": column["states_visited"], "impact_speed_max": fastest,
+            **motion.shares_of_time(recording.events, column["motion_state"], osc.period)}
+
+
+def _findings(main, reference):
+    """The summary's numbers: each with the changes between runs and halves, and its error."""
+    status = main.recording.status
+    attrs = {"status": int(status), "status_meaning": status.name.lower(),
+             "status_reference": int(reference.recording.status), "period": main.period,
+             "motion_class": main.motion_class, "motion_class_reference": reference.motion_class,
+             "error_kind": "convergence" if main.period else "statistical"}
+    for key in (*MEANS, *PEAKS):
+        attrs[key] = main.number(key)
+        attrs[f"{key}_change"] = abs(main.number(key) - reference.number(key))
+        attrs[f"{key}_transient"] = main.transient(key)
+        attrs[f"{key}_error"] = main.error(key, attrs[f"{key}_change"])
+    visited = np.bitwise_or.reduce(main.by_cycle["states_visited"].astype(int)) \
+        if status == Status.OK else 0
+    return attrs | {"states_visited": int(visited),
+                    "fully_engaged": int(visited == 1 << MotionState.ENGAGEMENT)}
+
+
+def _dataset(osc, pair, outcome, stored):
+    """Samples, events and cycles in physical units."""
+    import xarray as xr
+
+    second = osc.period / pair.natural_frequency
+    parts = {"sample": _sample_columns(osc, pair, outcome.recording, stored, second),
+             "event": _event_columns(pair, outcome.recording, osc.period, second),
+             "cycle": _cycle_columns(outcome)}
+    return xr.Dataset({key: (dim, values) for dim, columns in parts.items()
+                       for key, values in columns.items()})
+
+
+def _sample_columns(osc, pair, recording, stored, second):
+    record, failed = len(recording.cycles), recording.status != Status.OK
+    phase = np.tile(recording.grid[stored], record)
+    cycle = np.repeat(np.arange(record), stored.size)
+    rows = recording.samples[:-1].reshape(record, -1)[:, stored].reshape(-1)
+    state, phi, phi_dot = (rows[name] for name in SAMPLE)
+    g, slope = flank_motion(osc, phase)
+    depth, rate = deflection(osc, state, phi, phi_dot, g, slope)
+    force = pair.mesh_stiffness * pair.pinion_base_lever * (depth + 2 * osc.damping_ratio * rate)
+    force = np.where(state == MotionState.SEPARATION, 0.0, force)
+    if osc.contact_law == "rigid":
+        force = force * np.nan
+    state = np.full(state.size, -1) if failed else state
+    return {"time": (cycle + phase) * second, "phase": phase, "cycle": cycle.astype(np.int32),
+            "motion_state": state.astype(np.int8), "phi": phi, "phi_dot": phi_dot,
+            "mesh_force": force, "dynamic_te": phi + g}
+
+
+def _event_columns(pair, recording, period, second):
+    kind, cycle, t, phi, before, after = (recording.events[name] for name in EVENT)
+    energy = 0.5 * pair.torsional_stiffness * (before**2 - after**2)
+    impact = np.isin(kind, (EventKind.IMPACT, EventKind.BACK_IMPACT))
+    return {"event_time": (cycle + t / period) * second, "event_phase": t / period,
+            "event_cycle": cycle.astype(np.int32), "event_kind": kind.astype(np.int8),
+            "event_phi": phi, "velocity_before": before, "velocity_after": after,
+            "impact_energy": np.where(impact, energy, np.nan)}
+
+
+def _cycle_columns(outcome):
+    failed = outcome.recording.status != Status.OK
+    columns = {}
+    for key in list(CYCLE)[1:]:
+        column = outcome.recording.cycles[key]
+        whole = np.full(len(column), -1) if failed else column
+        columns[f"cycle_{key}"] = column if key in CYCLE_REALS else whole.astype(np.int32)
+    for key in ("mesh_force_mean", "mesh_force_peak", "impact_force_mean"):
+        columns[f"cycle_{key}"] = outcome.by_cycle[key]
+    return {**columns, "cycle_impact_energy": outcome.by_cycle["impact_energy_per_cycle"]}

@@ -1,0 +1,1 @@
+"""Many motions along a range of one parameter."""

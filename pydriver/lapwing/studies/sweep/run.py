@@ -1,0 +1,325 @@
+"""A parameter swept from rest, upwards and downwards."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+
+from lapwing import engine
+from lapwing.base import arguments, estimates
+from lapwing.base.arguments import Refusals
+from lapwing.base.arrivals import arrivals_of
+from lapwing.base.codes import EventKind, Status
+from lapwing.base.stability_names import NUMBERS
+from lapwing.base.threads import checked_threads, usable_threads
+from lapwing.engine import Numerics, Wanted, columns, numbers, work_counts
+from lapwing.engine.records import CYCLE, STROBED
+from lapwing.model.gear_pair import GearPair
+from lapwing.model.transmission_error import TransmissionError
+from lapwing.studies.period import find_period, motion_class
+from lapwing.studies.stability import CycleMaps, findings, growth
+
+STARTS = ("rest", "up", "down")
+RECORDS = ("cycles", "impacts", "exponents", "speeds", "spectra", "amplitudes")
+# Bins of impact speeds, and how far below the fastest they begin.
+SPEED_BINS, SPEED_DECADES = 160, 4
+# Columns of the cycle table that must match between cycles of a periodic motion: the strobed
+# motion state, counted impacts, releases, engages and chatter ends. Resolved chatter impacts are
+# left out: how many are listed before a chatter is summed is a matter of the last bit.
+LABELS = ("motion_state", "counted_impacts", "counted_back_impacts", "releases", "back_releases",
+          "engages", "back_engages", "chatter_ends", "back_chatter_ends")
+UNITS = {"phi": "rad", "phi_dot": "rad per tau", "deepest_separation": "rad",
+         "deepest_back_penetration": "rad", "impact_phase": "mesh periods",
+         "impact_velocity": "rad per tau", "lyapunov_exponent": "per tau",
+         "lyapunov_exponent_error": "per tau", "second_lyapunov_exponent": "per tau",
+         "lyapunov_exponent_per_cycle": "per mesh cycle", "speed_edge": "rad per tau",
+         "impact_speed_density": "per mesh cycle", "slow_impacts": "per mesh cycle"}
+PARAMETER_UNITS = {"brake_torque": "N m", "drive_torque": "N m", "pinion_speed_rpm": "rev/min",
+                   "pinion_speed_rad_s": "rad/s", "mesh_frequency_hz": "Hz",
+                   "pinion_base_lever": "m", "mesh_stiffness": "N/m", "backlash": "rad",
+                   "pinion_inertia": "kg m2", "gear_inertia": "kg m2", "mesh_damping": "N s/m"}
+
+
+def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=400, record=100,
+          observe=("cycles",), phase=0.0, method="auto", rtol=1e-6, chatter_tol=None,
+          count_depth=0.01, max_impacts=2000, max_events_per_cycle=1_000_000,
+          max_steps_per_cycle=10_000_000, threads=None, progress=None, keep_interrupted=False,
+          **operation):
+    """Run a range of values of one parameter.
+
+    Parameters
+    ----------
+    pair : GearPair
+    te : TransmissionError
+    parameter : str, the parameter swept: an operating parameter of `GearPair.oscillator` or a
+        number of the pair itself
+    values : array (n,); sorted and without repeats in the result
+    starts : of 'rest' (each value from rest), 'up' and 'down' (each value from where the next
+        lower or higher one ended)
+    settle, record : int, mesh cycles before recording (>= 0), and recorded (>= 1)
+    observe : of 'cycles' (statistics of each recorded cycle), 'impacts' (phase and speed of up to
+        `max_impacts` recorded impacts), 'exponents' (Lyapunov exponents of every motion, Floquet
+        multipliers of the periodic ones; wants 'cycles'), 'speeds' (impacts of every speed,
+        counted in bins), 'spectra' (order spectrum of φ over 48 further cycles) and 'amplitudes'
+        (rms and peak to peak of φ and of the dynamic transmission error, mean and peak mesh force
+        over a further period, or 32 cycles; wants 'cycles'); the rest costs nothing
+    phase : float, mesh phase at the start
+    method, rtol, chatter_tol, count_depth, max_events_per_cycle, max_steps_per_cycle :
+        see `Numerics`
+    threads : int or None; default `threads.default_threads`; no result depends on it, and
+        `threads.usable_threads` says how many are begun: one in a process born by fork
+    progress : callable(fraction done) or None
+    keep_interrupted : bool, whether Ctrl-C returns what is finished (attribute `interrupted`,
+        status UNFINISHED) instead of raising KeyboardInterrupt
+    **operation : the other arguments of `GearPair.oscillator`
+
+    Returns
+    -------
+    xarray.Dataset over `start`, the parameter and `recorded_cycle` (and `impact`). A point that
+    fails keeps its place, with a `status` other than OK.
+
+    Raises
+    ------
+    TypeError, ValueError
+        for every refused argument, the oscillator's own refusals included.
+    """
+    values, starts, observe = _check(pair, te, parameter, values, starts, settle, record, observe,
+                                     max_impacts, phase, progress, keep_interrupted)
+    settle, record, max_impacts, phase = int(settle), int(record), int(max_impacts), float(phase)
+    threads = checked_threads(threads)
+    numerics = Numerics(method=method, rtol=rtol, chatter_tol=chatter_tol, count_depth=count_depth,
+                        max_events_per_cycle=max_events_per_cycle,
+                        max_steps_per_cycle=max_steps_per_cycle)
+    wanted = Wanted(cycles="cycles" in observe, strobe=True, impacts="impacts" in observe,
+                    tangent="exponents" in observe)
+    estimates.require(estimates.sweep_bytes(
+        len(values) * len(starts), record, wanted.cycles or wanted.strobe, wanted.impacts,
+        wanted.tangent, max_impacts), "sweep", "values, starts, record or max_impacts")
+    oscillators = [oscillator_at(pair, te, parameter, value, operation) for value in values]
+    if any(osc.force < 0 and osc.gap == "one_flank" for osc in oscillators):
+        raise ValueError("sweep: rest with a negative force needs a coast flank to rest on")
+    if "speeds" in observe:
+        wanted = replace(wanted, speed_edges=tuple(_speed_edges(oscillators)))
+    lines = _lines(starts, len(values))
+    result = engine.sweep(
+        oscillators * len(starts), lines, [(engine.REST, 0, 0, phase)] * len(lines),
+        numerics=numerics, wanted=wanted, settle=settle, record=record, log_room=max_impacts,
+        threads=threads, progress=progress,
+        keep_interrupted=keep_interrupted)
+    data = _dataset(result, oscillators, parameter, values, starts, wanted, phase,
+                    {"contact_law": oscillators[0].contact_law, "settle": settle,
+                     "record": record, "rtol": rtol,
+                     "method": engine.common_method(oscillators, numerics),
+                     "count_depth": count_depth, "interrupted": int(result.interrupted)})
+    if "spectra" in observe:
+        data = _with_spectra(data, result, oscillators * len(starts), numerics, threads)
+    if "amplitudes" in observe:
+        data = _with_amplitudes(data, result, oscillators, [
+            _newtons(pair, parameter, float(value)) for value in values], numerics, threads)
+    return data
+
+
+def _check(pair, te, parameter, values, starts, settle, record, observe, max_impacts, phase,
+           progress, keep_interrupted):
+    """Sorted values, starts and records, or every problem at once."""
+    taken = Refusals()
+    taken.take(arguments.instance, "pair", pair, GearPair)
+    taken.take(arguments.instance, "te", te, TransmissionError)
+    taken.take(arguments.choice, "parameter", parameter, parameters())
+    values = taken.take(arguments.reals, "values", values)
+    starts = taken.take(arguments.choices, "starts", starts, STARTS, least=1)
+    observe = taken.take(arguments.choices, "observe", observe, RECORDS)
+    for key, given, least in (("settle", settle, 0), ("record", record, 1),
+                              ("max_impacts", max_impacts, 1)):
+        taken.take(arguments.whole, key, given, least)
+    taken.take(arguments.phase, "phase", phase)
+    taken.take(arguments.flag, "keep_interrupted", keep_interrupted)
+    if progress is not None:
+        taken.take(arguments.function, "progress", progress)
+    for record in ("exponents", "amplitudes"):
+        if observe and record in observe and "cycles" not in observe:
+            taken.problems.append(f"observe: {record!r} wants 'cycles' beside it")
+    taken.raise_if_any("sweep")
+    return np.unique(values), starts, observe
+
+
+def parameters():
+    """Names of the numbers that may be varied: of the pair, of its operating point."""
+    return (*(field.name for field in fields(GearPair)), "brake_torque", "drive_torque",
+            "pinion_speed_rpm", "pinion_speed_rad_s", "mesh_frequency_hz")
+
+
+def oscillator_at(pair, te, parameter, value, operation):
+    """Oscillator of one value of the parameter; `operation` holds the other arguments."""
+    if parameter in {field.name for field in fields(GearPair)}:
+        return replace(pair, **{parameter: float(value)}).oscillator(te, **operation)
+    return pair.oscillator(te, **{**operation, parameter: float(value)})
+
+
+def _lines(starts, n):
+    """Lines of the engine, the long ones first so that they are not waited for."""
+    carried, single = [], []
+    for block, start in enumerate(starts):
+        first, last = block * n, block * n + n - 1
+        if start == "up":
+            carried.append((first, last, True))
+        elif start == "down":
+            carried.append((last, first, True))
+        else:
+            single += [(i, i, False) for i in range(first, last + 1)]
+    return carried + single
+
+
+def _dataset(result, oscillators, parameter, values, starts, wanted, phase, attrs):
+    import xarray as xr
+
+    shape = (len(starts), len(values))
+    by_point = ("start", parameter)
+    outcome = result.outcome.reshape(shape)
+    coords = {"start": list(starts), parameter: values}
+    data = {"status": (by_point, outcome["status"].astype(np.int8)),
+            "force": (parameter, [osc.force for osc in oscillators])}
+    tables = result.cycles.reshape(*shape, *result.cycles.shape[1:])
+    for name in list(CYCLE)[1:] if wanted.cycles else STROBED:
+        data[name] = ((*by_point, "recorded_cycle"), tables[name])
+    if wanted.cycles:
+        data["period"] = (by_point, _periods(tables, oscillators))
+        data["motion_class"] = (by_point, _classes(tables, data["period"][1], data["status"][1],
+                                                   oscillators[0].contact_law))
+    if wanted.tangent:
+        data |= _stability(result, tables, data["period"][1], oscillators, by_point)
+    if wanted.impacts:
+        data |= _impacts(result, oscillators, shape, by_point)
+    if wanted.speed_edges:
+        coords["speed_edge"] = list(wanted.speed_edges)
+        data |= _speeds(result, shape, by_point, attrs["record"])
+    dataset = xr.Dataset(data, coords, {**attrs, "phase": phase})
+    dataset["status"].attrs.update(
+        flag_values=np.array([int(status) for status in Status], dtype=np.int8),
+        flag_meanings=" ".join(status.name.lower() for status in Status))
+    dataset[parameter].attrs["units"] = PARAMETER_UNITS.get(parameter, "1")
+    for name in UNITS.keys() & dataset.variables.keys():
+        dataset[name].attrs["units"] = UNITS[name]
+    for name, count in work_counts(np.nansum(result.outcome["work"], axis=0)).items():
+        dataset.attrs[f"work_{name}"] = count
+    return dataset
+
+
+def _periods(tables, oscillators):
+    """Period of each point, `find_period`."""
+    periods = np.zeros(tables.shape[:2], dtype=np.int16)
+    for i, j in np.ndindex(*periods.shape):
+        table = tables[i, j]
+        if not np.all(np.isfinite(numbers(table))):
+            continue
+        scale = (max(abs(oscillators[j].force), table["deepest_separation"].max())
+                 or oscillators[j].backlash)
+        periods[i, j] = find_period(table["phi"], table["phi_dot"], columns(table, LABELS), scale)
+    return periods
+
+
+def _classes(tables, periods, status, contact_law):
+    """Class of each point, `period.motion_class`, by the arrivals of the law."""
+    law = arrivals_of(contact_law)
+    drive, coast, ends, back_ends = (tables[name] for name in (
+        law.drive, law.coast, "chatter_ends", "back_chatter_ends"))
+    classes = np.where(status == Status.UNFINISHED, "unfinished", "failed").astype(object)
+    for at in np.ndindex(*periods.shape):
+        if status[at] == Status.OK:
+            classes[at] = motion_class(int(periods[at]), drive[at], coast[at],
+                                       np.any(ends[at] + back_ends[at] > 0))
+    return classes.astype(str)
+
+
+def _stability(result, tables, periods, oscillators, by_point):
+    """Exponents, multipliers and their checks, `stability.findings`; NaN where a run failed."""
+    rows = result.tangent.reshape(*periods.shape, *result.tangent.shape[1:])
+    depth = tables["deepest_separation"].max(axis=-1)
+    grown = growth(CycleMaps.from_rows(rows, 1.0))
+    data = {name: np.full(periods.shape, np.nan) for name in NUMBERS}
+    values = np.full((*periods.shape, 2), np.nan, dtype=complex)
+    for i, j in np.ndindex(*periods.shape):
+        if np.any(np.isnan(numbers(rows[i, j]))):
+            continue
+        osc = oscillators[j]
+        found = findings(CycleMaps.from_rows(rows[i, j], osc.period), osc, int(periods[i, j]),
+                         max(abs(osc.force), depth[i, j]) or osc.backlash, grown[i, j])[0]
+        values[i, j] = found.pop("multipliers")
+        for name, number in found.items():
+            data[name][i, j] = number
+    dims = (*by_point, "multiplier")
+    return {name: (by_point, column) for name, column in data.items()} | {
+        "multiplier_real": (dims, values.real), "multiplier_imag": (dims, values.imag)}
+
+
+def _with_spectra(data, result, oscillators, numerics, threads):
+    """Order spectra beside the rest, `waterfall.spectra`."""
+    from lapwing.studies.sweep.waterfall import spectra
+
+    orders, amplitudes = spectra(
+        oscillators, result.outcome, data.attrs["phase"], numerics=numerics,
+        threads=usable_threads(threads, len(oscillators)))
+    by_point = data["status"].dims
+    count = data.sizes[by_point[1]]
+    ratio = [osc.mesh_frequency_ratio for osc in oscillators[:count]]
+    return data.assign_coords(order=orders).assign(
+        order_spectrum=((*by_point, "order"), amplitudes.reshape(*data["status"].shape, -1)),
+        mesh_frequency_ratio=(by_point[1], ratio))
+
+
+def _newtons(pair, parameter, value):
+    """Force per unit of deflection, k'·lever (N), at one value of the parameter."""
+    if parameter in {field.name for field in fields(GearPair)}:
+        pair = replace(pair, **{parameter: value})
+    return pair.mesh_stiffness * pair.pinion_base_lever
+
+
+def _with_amplitudes(data, result, oscillators, newtons, numerics, threads):
+    """Amplitudes and forces beside the rest, `amplitudes.amplitudes`."""
+    from lapwing.studies.sweep.amplitudes import amplitudes
+
+    starts = data.sizes["start"]
+    found = amplitudes(
+        oscillators * starts, result.outcome, data["period"].values.ravel(),
+        newtons * starts, data.attrs["phase"], numerics=numerics,
+        threads=usable_threads(threads, len(oscillators) * starts))
+    by_point, shape = data["status"].dims, data["status"].shape
+    return data.assign({name: (by_point, column.reshape(shape))
+                        for name, column in found.items()})
+
+
+def _speed_edges(oscillators):
+    """Edges of the bins, rad per τ: up to a speed that hardly any impact exceeds.
+
+    That is the speed of a fall through the gap and twice the flank's fastest, both ways.
+    """
+    phase = np.arange(1000) / 1000
+    fastest = max(
+        np.sqrt(2 * abs(osc.force) * min(osc.gap_width, 2 * osc.backlash))
+        + 4 * abs(osc.flank_scale) * np.abs(osc.te.derivative(1, phase)).max() / osc.period
+        for osc in oscillators) or 1.0
+    return fastest * np.logspace(-SPEED_DECADES, 0, SPEED_BINS + 1)
+
+
+def _speeds(result, shape, by_point, record):
+    """Impacts per mesh cycle in each bin, the last one with what is faster; and what is slower."""
+    counts = result.density.reshape(*shape, -1) / record
+    counts[result.outcome["status"].reshape(shape) != Status.OK] = np.nan
+    inside = counts[..., 1:-1].copy()
+    inside[..., -1] += counts[..., -1]
+    return {"impact_speed_density": ((*by_point, "speed_bin"), inside),
+            "slow_impacts": (by_point, counts[..., 0])}
+
+
+def _impacts(result, oscillators, shape, by_point):
+    """Impact section: mesh phase, velocity relative to the flank, flank; and how many were met."""
+    log = result.events.reshape(*shape, -1)
+    met = np.nan_to_num(result.outcome["logged"]).reshape(shape).astype(np.int64)
+    period = np.array([osc.period for osc in oscillators])[:, None]
+    dims = (*by_point, "impact")
+    flank = np.where(log["kind"] == EventKind.IMPACT, 1, 2).astype(np.int8)
+    flank[np.isnan(log["kind"])] = 0
+    return {"impact_phase": (dims, log["t"] / period),
+            "impact_velocity": (dims, log["velocity_before"]), "impact_flank": (dims, flank),
+            "n_impacts": (by_point, met)}

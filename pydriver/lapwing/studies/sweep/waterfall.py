@@ -1,0 +1,58 @@
+"""Order spectra over a sweep: each point goes on from its last state, sampled evenly."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from lapwing.base.codes import Status
+from lapwing.base.spectra import order_spectrum
+from lapwing.engine import TrajectoryCall, Wanted, position
+from lapwing.engine.records import SAMPLE
+
+# Mesh cycles of a spectrum, whose lines are 1/48 of an order apart (those of periods 2, 3, 4, 6,
+# 8, … are among them), and samples in each: the displacement's lines fall with the square of the
+# order, so that what is folded back onto the orders kept, from 128 less these, is below a hundredth
+# of the lines there.
+CYCLES, SAMPLES = 48, 128
+# Orders kept: the natural frequency with half as much again, within these.
+LEAST_ORDER, MOST_ORDER = 8, 24
+
+
+def spectra(oscillators, finals, phase, *, numerics, threads):
+    """Order spectra of the displacement φ.
+
+    Parameters
+    ----------
+    oscillators : sequence of Oscillator (points,)
+    finals : table (points,), how each point's run ended, `engine.SweepResult.outcome`
+    phase : float, mesh phase there
+    numerics : Numerics
+    threads : int
+
+    Returns
+    -------
+    orders (n,), amplitudes (points, n) in rad; NaN where a point failed
+    """
+    highest = min(max(LEAST_ORDER, math.ceil(max(
+        1.5 / osc.mesh_frequency_ratio for osc in oscillators))), MOST_ORDER)
+    amplitudes = np.full((len(oscillators), highest * CYCLES + 1), np.nan, dtype=np.float32)
+    total = phase + np.arange(CYCLES * SAMPLES) / SAMPLES
+    cycle = np.floor(total)
+
+    def one(i):
+        osc, final = oscillators[i], finals[i]
+        if final["status"] != Status.OK:
+            return
+        times = np.column_stack([cycle, (total - cycle) * osc.period])
+        start = (*(final[name] for name in SAMPLE), phase)
+        call = TrajectoryCall(osc, start, numerics=numerics, wanted=Wanted())
+        call.run(position(phase, CYCLES, osc.period), times)
+        if call.status == Status.OK:
+            amplitudes[i] = order_spectrum(call.samples["phi"], CYCLES)[1][:amplitudes.shape[1]]
+
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(one, range(len(oscillators))))
+    return np.arange(amplitudes.shape[1]) / CYCLES, amplitudes

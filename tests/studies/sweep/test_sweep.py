@@ -1,0 +1,146 @@
+"""Sweeps: the published table, equality with single runs, threads, cuts, failures, refusals."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lapwing
+from lapwing.base.codes import Status
+from lapwing.engine import calls
+
+TE = lapwing.TransmissionError.from_file(Path(__file__).parents[3] / "inputs" / "te_25x32.csv")
+PAIR = lapwing.GearPair(
+    pinion_teeth=25, gear_teeth=32, pinion_inertia=0.0078, gear_inertia=0.026,
+    pinion_base_lever=0.034, mesh_stiffness=3.12e8, backlash=0.002, restitution=0.8,
+    damping_ratio=0.1)
+ABSOLUTE = {"pinion_speed_rpm": 240, "impact_law": "absolute"}
+RELATIVE = {"pinion_speed_rpm": 240, "impact_law": "relative"}
+TORQUES = (0.6, 1.8, 5.5, 12.1)
+
+
+def as_bytes(dataset):
+    return {name: np.ascontiguousarray(dataset[name].values).tobytes()
+            for name in dataset.variables}
+
+
+@pytest.fixture(scope="module")
+def small():
+    return lapwing.sweep(PAIR, TE, values=TORQUES, settle=20, record=12, threads=1,
+                         observe=("cycles", "impacts"), **RELATIVE)
+
+
+def test_published_table():
+    """3, 5 and 7 impacts, period 1, depths to 1 %; engaged from rest at 12 N·m.
+
+    Depths: the independent computation that the reconstruction was made with.
+    """
+    points = lapwing.sweep(PAIR, TE, values=(1.8, 3.3, 5.5, 12), starts=("rest",), settle=300,
+                           record=60, **ABSOLUTE).sel(start="rest")
+    np.testing.assert_array_equal(points.counted_impacts.mean("recorded_cycle"), [3, 5, 7, 0])
+    np.testing.assert_array_equal(points.period, 1)
+    np.testing.assert_array_equal(points.back_impacts, 0)
+    np.testing.assert_allclose(points.deepest_separation.max("recorded_cycle"),
+                               [0.000610, 0.000321, 0.000237, 0], rtol=0.01)
+
+
+@pytest.mark.parametrize("threads", [2, 5])
+def test_threads_change_no_byte(small, threads):
+    again = lapwing.sweep(PAIR, TE, values=TORQUES, settle=20, record=12, threads=threads,
+                          observe=("cycles", "impacts"), **RELATIVE)
+    assert as_bytes(again) == as_bytes(small)
+
+
+def test_cuts_change_no_byte(small, monkeypatch):
+    """Calls that end at once, hundreds of them, between every few segments."""
+    monkeypatch.setattr(calls, "CALL_SECONDS", 0.0)
+    again = lapwing.sweep(PAIR, TE, values=TORQUES, settle=20, record=12, threads=2,
+                          observe=("cycles", "impacts"), **RELATIVE)
+    assert as_bytes(again) == as_bytes(small)
+
+
+def test_rest_points_equal_single_runs(small):
+    """A point of a sweep is the run that `simulate` makes."""
+    for torque in TORQUES:
+        osc = PAIR.oscillator(TE, brake_torque=torque, **RELATIVE)
+        run = lapwing.simulate(osc, cycles=32, rtol=1e-6)
+        point = small.sel(start="rest", brake_torque=torque)
+        for name in ("phi", "phi_dot", "impacts", "counted_impacts", "deepest_separation"):
+            np.testing.assert_array_equal(point[name].values, run.cycles[name].values[20:], name)
+        section = run.events.where((run.events.kind <= 2) & (run.events.cycle >= 20), drop=True)
+        kept = int(point.n_impacts)
+        np.testing.assert_array_equal(point.impact_velocity.values[:kept],
+                                      section.velocity_before.values)
+
+
+def test_carried_points_continue_their_neighbour(small):
+    """Up: each torque begins with the state in which the lower one ended; down likewise."""
+    for start, order in (("up", TORQUES), ("down", TORQUES[::-1])):
+        begin = "rest"
+        for torque in order:
+            osc = PAIR.oscillator(TE, brake_torque=torque, **RELATIVE)
+            run = lapwing.simulate(osc, start=begin, cycles=32, rtol=1e-6)
+            np.testing.assert_array_equal(
+                small.sel(start=start, brake_torque=torque).phi.values,
+                run.cycles.phi.values[20:])
+            begin = (run.final.motion_state, run.final.phi, run.final.phi_dot)
+
+
+def test_start_phase_and_no_settling():
+    """Strobes belong to mesh cycles; the first begins at the start phase."""
+    point = lapwing.sweep(PAIR, TE, values=[3.3], starts=("rest",), settle=0, record=6, phase=0.3,
+                          **ABSOLUTE)
+    osc = PAIR.oscillator(TE, brake_torque=3.3, **ABSOLUTE)
+    run = lapwing.simulate(osc, phase=0.3, cycles=6, rtol=1e-6)
+    np.testing.assert_array_equal(point.phi.values[0, 0], run.cycles.phi.values[:6])
+
+
+def test_failed_point_keeps_its_neighbours():
+    """A bound on events fails the rattling torques; the engaged one and its line are there."""
+    result = lapwing.sweep(PAIR, TE, values=TORQUES, settle=5, record=5, max_events_per_cycle=4,
+                           **RELATIVE)
+    status = result.status.sel(start="rest").values
+    assert status[1] == Status.TOO_MANY_EVENTS and status[3] == Status.OK
+    assert np.all(np.isfinite(result.phi.sel(start="rest", brake_torque=12.1)))
+    assert int(result.period.sel(start="rest", brake_torque=1.8)) == 0
+
+
+def test_any_number_may_be_swept():
+    speeds = lapwing.sweep(PAIR, TE, parameter="pinion_speed_rpm", values=[200, 240],
+                           starts=("rest",), settle=5, record=5, brake_torque=3.3)
+    assert speeds.sizes["pinion_speed_rpm"] == 2
+    osc = PAIR.oscillator(TE, brake_torque=3.3, pinion_speed_rpm=200)
+    run = lapwing.simulate(osc, cycles=10, rtol=1e-6)
+    np.testing.assert_array_equal(speeds.phi.values[0, 0], run.cycles.phi.values[5:])
+    restitution = lapwing.sweep(PAIR, TE, parameter="restitution", values=[0.5, 0.8],
+                                starts=("rest",), settle=5, record=5, brake_torque=3.3,
+                                **ABSOLUTE)
+    assert not np.array_equal(*restitution.deepest_separation.values[0])
+
+
+@pytest.mark.parametrize(("changed", "said"), [
+    ({"values": []}, "at least one"), ({"values": [1, np.nan]}, "finite"),
+    ({"starts": "rest"}, "starts"), ({"starts": ("sideways",)}, "starts"),
+    ({"starts": ()}, "starts is empty"), ({"settle": -1}, "settle"), ({"record": 0}, "record"),
+    ({"record": 1.5}, "record"), ({"observe": ("all",)}, "observe"),
+    ({"rtol": 1.0}, "rtol"), ({"contact_law": "rigid", "impact_law": "absolute"}, "absolute"),
+])
+def test_refusals(changed, said):
+    arguments = {"values": [1.0], "settle": 1, "record": 1, **RELATIVE, **changed}
+    with pytest.raises(ValueError, match=said):
+        lapwing.sweep(PAIR, TE, **arguments)
+
+
+def test_all_refusals_at_once():
+    with pytest.raises(ValueError, match=r"values.*starts.*settle.*record"):
+        lapwing.sweep(PAIR, TE, values=[], starts=("x",), settle=-1, record=0, **RELATIVE)
+
+
+@pytest.mark.full
+def test_bands_of_back_impacts_end_near_0_82():
+    """The last torque with a back impact is 0.82 ± 0.02; none from 0.84 to 1.30 in 2,000 cycles."""
+    result = lapwing.sweep(PAIR, TE, values=np.round(np.arange(0.74, 1.31, 0.02), 2),
+                           starts=("rest",), settle=100, record=2000, **ABSOLUTE)
+    seen = (result.back_impacts.sum("recorded_cycle") > 0).any("start")
+    last = float(result.brake_torque.where(seen).max())
+    assert 0.80 <= last <= 0.84
