@@ -57,6 +57,7 @@ class Sweep:
     impacts : bool, whether every impact is kept
     order_spectra : bool, whether order spectra are made
     speed_density : bool, whether impacts are counted by speed
+    amplitudes : bool, whether amplitudes and mesh forces are found
     exponents : bool, whether multipliers and exponents are found
     rtol : float
     """
@@ -72,6 +73,7 @@ class Sweep:
     impacts: bool
     order_spectra: bool
     speed_density: bool
+    amplitudes: bool
     exponents: bool
     rtol: float
 

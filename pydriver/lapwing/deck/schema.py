@@ -51,8 +51,9 @@ class GearPairKeys(Group):
     backlash: float = key(text="θ0, angular play of the relative angle θ1 - i12·θ2; what the "
                           "pinion can be turned, the gear held", unit="rad", example=0.002,
                           ge=1e-9, le=1)
-    restitution: float = key(text="ε, coefficient of restitution; not used with contact_law "
-                             "'compliant'", example=0.8, ge=0, le=1)
+    restitution: float | None = key(None, "ε, coefficient of restitution; needed unless "
+                                    "contact_law = 'compliant', which does not use it",
+                                    example=0.8, ge=0, le=1)
     damping_ratio: float | None = key(None, "ξ, damping ratio of the mesh", example=0.1,
                                       ge=0, le=100)
     mesh_damping: float | None = key(None, "c', damping of the mesh along the normal",
@@ -222,6 +223,9 @@ class SweepKeys(ValueKeys):
     record_cycles: int = key(100, "mesh cycles recorded at every value", ge=1, le=100_000)
     impacts: bool = key(True, "whether phase and speed of every impact are kept")
     order_spectra: bool = key(False, "whether order spectra are made, for a waterfall of them")
+    amplitudes: bool = key(False, "whether rms and peak to peak of φ and of the dynamic "
+                           "transmission error, and mean and peak mesh force are found, for a "
+                           "figure of them against the parameter")
     speed_density: bool = key(False, "whether impacts of every speed are counted, for a figure of "
                               "their density")
     exponents: bool = key(False, "whether Lyapunov exponents are found, and Floquet multipliers "

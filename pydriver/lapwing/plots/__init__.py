@@ -15,11 +15,12 @@ from lapwing.results.findings import known
 
 FORMATS = ("png", "pdf")
 # Modules of this package with a `draw` each, by what they are drawn from.
-SWEEP_FIGURES = ("orbit_diagram", "deepest_separation", "staircase", "exponents",
+SWEEP_FIGURES = ("orbit_diagram", "deepest_separation", "staircase", "amplitudes", "exponents",
                  "impact_speed_density", "waterfall")
 # Variables without which a figure of a sweep has nothing to show.
-NEEDED = {"staircase": "motion_class", "exponents": "lyapunov_exponent",
-          "impact_speed_density": "impact_speed_density", "waterfall": "order_spectrum"}
+NEEDED = {"staircase": "motion_class", "amplitudes": "dynamic_te_rms",
+          "exponents": "lyapunov_exponent", "impact_speed_density": "impact_speed_density",
+          "waterfall": "order_spectrum"}
 CRITICAL_FIGURE = "critical_search"
 RESPONSE_FIGURES = ("history", "phase_portrait", "impact_section", "spectrum")
 # ... and of one with two degrees of freedom.

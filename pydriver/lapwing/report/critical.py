@@ -19,8 +19,16 @@ REASONS = {"thrown_off": "a kink that throws the tooth off",
            "struck": "a kink that strikes the resting tooth, which bounces"}
 
 
+def critical_table(criticals):
+    """The values found by all searches, lines of a table in Markdown."""
+    rows = [("name", "what", "parameter", "value", "uncertainty")]
+    rows += [(one.attrs["name"], _meaning(one), parameter_words(one.attrs["parameter"])
+              + f" ({_unit(one)})" * bool(_unit(one)), *_cells(one)) for one in criticals]
+    return markdown(rows)
+
+
 def critical_text(criticals, sweeps=()):
-    """Findings of all searches: a table, then a paragraph each.
+    """Findings of all searches, a paragraph each.
 
     Parameters
     ----------
@@ -32,12 +40,8 @@ def critical_text(criticals, sweeps=()):
     -------
     list of str, lines of Markdown
     """
-    rows = [("name", "what", "parameter", "value", "uncertainty")]
-    rows += [(one.attrs["name"], _meaning(one), parameter_words(one.attrs["parameter"])
-              + f" ({_unit(one)})" * bool(_unit(one)), *_cells(one)) for one in criticals]
-    lines = [*markdown(rows), ""]
-    for one in criticals:
-        lines += [f"- `{one.attrs['name']}`: {_sentences(one)}{_seen(one, sweeps)}"]
+    lines = [f"- `{one.attrs['name']}`: {_sentences(one)}{_seen(one, sweeps)}"
+             for one in criticals]
     return [*lines, *_together(criticals)]
 
 

@@ -6,7 +6,8 @@ import math
 
 from lapwing.base.arrivals import arrivals_in
 from lapwing.base.codes import MotionState
-from lapwing.report.critical import critical_text
+from lapwing.report.answers.findings import findings, findings_lines
+from lapwing.report.critical import critical_table, critical_text
 from lapwing.report.numbers import count_words, doubtful, repeats, uncertainty, value_words
 from lapwing.report.stability import aperiodic_words, stability_sentence
 from lapwing.report.sweep import sweep_text
@@ -30,23 +31,37 @@ def summary_text(results):
     Returns
     -------
     str
-        Markdown: gear and operation, a table and a paragraph for each response, the critical
-        values, the findings of each sweep, provenance.
+        Markdown: the findings in a few sentences, gear and operation, tables of the critical
+        values and of the responses; then what each search and sweep found, a paragraph for each
+        response, provenance.
     """
-    responses = [results.response(name).attrs for name in results.responses]
-    lines = [f"# {results.attrs['deck_name']}", "", *_gear(results, responses)]
+    responses, criticals, sweeps = studies_in(results)
+    attributes = [one.attrs for one in responses]
+    lines = [f"# {results.attrs['deck_name']}", "",
+             *findings_lines(findings(responses, criticals, sweeps, results.missing)), "",
+             *_gear(results, attributes)]
+    if criticals:
+        lines += ["", "## Critical values", "", *critical_table(criticals)]
     if responses:
-        lines += ["", "## Responses", "", *_table(responses), "", *_legend(responses)]
-        for attrs in responses:
-            lines += ["", f"### {attrs['name']}", "", _paragraph(attrs)]
-    if results.criticals:
-        lines += ["", "## Critical values", "",
-                  *critical_text([results.critical(name) for name in results.criticals],
-                                 [results.sweep(name) for name in results.sweeps])]
-    for name in results.sweeps:
-        lines += ["", f"## Sweep {name}", "", *sweep_text(results.sweep(name))]
+        lines += ["", "## Responses", "", *_table(attributes), "", *_legend(attributes)]
+    if criticals:
+        lines += ["", "## The searches for critical values", "",
+                  *critical_text(criticals, sweeps)]
+    for sweep in sweeps:
+        lines += ["", f"## Sweep {sweep.attrs['name']}", "", *sweep_text(sweep)]
+    if responses:
+        lines += ["", "## The responses, one by one"]
+    for attrs in attributes:
+        lines += ["", f"### {attrs['name']}", "", _paragraph(attrs)]
     lines += _missing(results)
     return "\n".join([*lines, "", "## Provenance", "", *_provenance(results)]) + "\n"
+
+
+def studies_in(results):
+    """Datasets of the responses, critical values and sweeps of a result file, in its order."""
+    return ([results.response(name) for name in results.responses],
+            [results.critical(name) for name in results.criticals],
+            [results.sweep(name) for name in results.sweeps])
 
 
 def _missing(results):
@@ -119,8 +134,8 @@ def _legend(responses):
     return ["; ".join(f"{word}s are counted {rule}" for word, rule in rules).capitalize() + ". "
             "Each run is repeated with rk4 at a tolerance of its own. "
             + "Of a motion that repeats, the error is an estimate from the difference of the two "
-            "runs and that of the halves of the record, and no bound; in this table it is left "
-            "out where it lies below the last digit. " * ("error" in known)
+            "runs and that of the halves of the record, and no bound; it is left out where it lies "
+            "below the last digit. " * ("error" in known)
             + "± is half of the 95 % interval of an average over cycles, of a motion without a "
             "period. " * ("±" in known)
             + "≥ marks the greatest value seen of a motion without a period: a longer record may "

@@ -35,6 +35,11 @@ DESCRIPTIONS = {
     "impact_energy": ("J", "kinetic energy lost in impacts, in the flank's frame"),
     "mesh_force_mean": ("N", "mean normal force of spring and damper"),
     "mesh_force_peak": ("N", "largest magnitude of the force of spring and damper"),
+    "phi_rms": ("rad", "root mean square of phi about its mean"),
+    "phi_peak_to_peak": ("rad", "greatest less least phi, of even samples"),
+    "dynamic_te_rms": ("rad", "root mean square of the dynamic transmission error about its mean"),
+    "dynamic_te_peak_to_peak": ("rad", "greatest less least dynamic transmission error, of even "
+                                "samples"),
     "impact_force_mean": ("N", "impulse of the impacts per time"),
     "impacts": ("1", "impacts at the drive flank, all"),
     "back_impacts": ("1", "impacts at the coast flank, all"),

@@ -116,9 +116,11 @@ def _responses(deck, threads, report, known, found):
 
 
 def _response(deck, study, order):
+    from lapwing.studies.critical.of_deck import full_engagement
+    from lapwing.studies.labels import labels
     from lapwing.studies.response.run import response
 
-    return response(
+    result = response(
         deck.oscillator(study), deck.gear_pair, name=study.name, start=study.start,
         phase=deck.numerics["start_phase"], settle_cycles=study.settle_cycles,
         record_cycles=study.record_cycles, samples_per_cycle=study.samples_per_cycle,
@@ -128,20 +130,23 @@ def _response(deck, study, order):
         claim_impacts_per_cycle=study.claim_impacts_per_cycle,
         claim_deepest_separation=study.claim_deepest_separation, claim_text=study.claim_text,
         **deck.numerics_of(study))
+    return result.assign_attrs(labels(deck, study) | full_engagement(deck, study))
 
 
 def _sweep(deck, study, threads, done):
     from lapwing.studies.critical.of_deck import full_engagement
+    from lapwing.studies.labels import labels
     from lapwing.studies.sweep.run import sweep
 
     observe = ("cycles", *["impacts"] * study.impacts, *["exponents"] * study.exponents,
-               *["speeds"] * study.speed_density, *["spectra"] * study.order_spectra)
+               *["speeds"] * study.speed_density, *["spectra"] * study.order_spectra,
+               *["amplitudes"] * study.amplitudes)
     result = sweep(
         deck.gear_pair, deck.te, parameter=study.parameter, values=study.values,
         starts=study.starts, settle=study.settle_cycles, record=study.record_cycles,
         observe=observe, phase=deck.numerics["start_phase"], threads=threads, progress=done,
         keep_interrupted=True, **deck.numerics_of(study), **study.operation)
-    result = result.assign_attrs(full_engagement(deck, study))
+    result = result.assign_attrs(labels(deck, study) | full_engagement(deck, study))
     if not study.impacts:
         return result
     # Most of the room for impacts is empty, and is slow to be compressed.

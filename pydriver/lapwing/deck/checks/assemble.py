@@ -7,6 +7,8 @@ from dataclasses import replace
 
 from lapwing.deck import schema
 from lapwing.deck.checks.critical import build_critical
+from lapwing.deck.checks.hints import of_parameters
+from lapwing.deck.checks.magnitudes import warn_of_order, warn_of_torques, warn_of_units
 from lapwing.deck.checks.ranges import range_values
 from lapwing.deck.checks.te_table import file_table, flat, formula_table
 from lapwing.deck.deck import Deck, Response, Sweep
@@ -35,9 +37,13 @@ def assemble(path, text, overrides, readers, report):
                 for name, group in schema.GROUPS.items()
                 if name not in (*schema.STUDIES, *schema.REQUIRED)}
     settings |= {name: models[name].keys if name in models else None for name in schema.REQUIRED}
+    _check_restitution(models.get("gear_pair"), settings["scene"], report)
     pair = _gear_pair(models.get("gear_pair"), report)
     table = _table(models.get("transmission_error"), settings["gear_pair"], path, report)
+    warn_of_units(models.get("gear_pair"), models.get("transmission_error"), table, report)
     builder = Studies(settings, models, pair, table, report)
+    if builder.operation and pair is not None and "operation" in models:
+        warn_of_torques(models["operation"], pair, builder.operation, None, report)
     built = {name: tuple(builder.build(reader) for reader in studies if reader.name == name)
              for name in schema.STUDIES}
     _check_names(studies, report)
@@ -83,11 +89,23 @@ def _relay(error, readers, report):
         report.add(next(places, readers[-1].place), problem)
 
 
+def _check_restitution(reader, scene, report):
+    """Restitution is asked for where a contact law uses it."""
+    if reader is None or scene is None or scene.contact_law == "compliant" \
+            or reader.mentioned("restitution"):
+        return
+    kind = schema.KeyType(schema.GearPairKeys.model_fields["restitution"])
+    report.add(reader.place, f"&gear_pair lacks restitution, {kind.expected} (ε, coefficient of "
+                             "restitution)")
+
+
 def _gear_pair(reader, report):
     if reader is None or reader.keys is None:
         return None
     try:
-        pair = GearPair(**reader.keys.model_dump())
+        given = reader.keys.model_dump()
+        # Not given where the contact law has no use for it: any number does.
+        pair = GearPair(**{**given, "restitution": given["restitution"] or 0.0})
         # Derived numbers overflow where the given ones are absurd together.
         pair.force(1.0, 1.0)
         return pair
@@ -199,6 +217,7 @@ class Studies:
         if not self._ready:
             return None
         operation = self.own_operation(keys)
+        warn_of_torques(reader, self._pair, operation, None, self._report)
         oscillator = self.oscillator(reader, self._pair, operation)
         if oscillator is not None:
             self._check_start(reader, oscillator, start)
@@ -289,11 +308,15 @@ class Studies:
             return None
         operation = {k: v for k, v in self.operation.items() if k != name}
         self.check_ends(reader, name, group, values, operation)
+        warn_of_order(reader, self._report)
+        if name == "brake_torque":
+            warn_of_torques(reader, self._pair, operation, values, self._report)
         return Sweep(name=keys.name, parameter=name, group=group, values=values,
                      operation=operation, starts=starts, rtol=self.rtol(reader),
                      settle_cycles=keys.settle_cycles, record_cycles=keys.record_cycles,
                      impacts=keys.impacts, speed_density=keys.speed_density,
-                     order_spectra=keys.order_spectra, exponents=keys.exponents)
+                     order_spectra=keys.order_spectra, exponents=keys.exponents,
+                     amplitudes=keys.amplitudes)
 
     def parameter(self, reader, name):
         """Group of the parameter varied, or None."""
@@ -302,8 +325,9 @@ class Studies:
         place = reader.places.get("parameter", reader.place)
         if bare not in known or group not in ("", known[bare]):
             full = [*known, *(f"{group}.{key}" for key, group in known.items())]
+            hint = of_parameters(name) or nearest(name, full if group else known)
             self._report.add(place, f"parameter = {name!r} is no real number of &gear_pair or "
-                                    f"&operation; {nearest(name, full if group else known)}")
+                                    f"&operation; {hint}")
             return None
         for reader_name, model in {**self._models, reader.name: reader}.items():
             for names in schema.GROUPS[reader_name].exclusive:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lapwing.deck import schema
+from lapwing.deck.checks.magnitudes import warn_of_order
 from lapwing.deck.checks.ranges import range_values
 from lapwing.deck.deck import Critical
 
@@ -49,6 +50,7 @@ def build_critical(studies, reader, keys, report):
         if values is None:
             return None
         studies.check_values(reader, name, group, values)
+        warn_of_order(reader, report)
     operation = {k: v for k, v in studies.own_operation(keys).items() if k != name}
     _check_laws(reader, keys, operation, report)
     studies.check_ends(reader, name, group, [1.0] if values is None else values, operation)

@@ -18,16 +18,12 @@ from lapwing.base import arguments, estimates
 from lapwing.base.arguments import MAX_INT, Refusals
 from lapwing.base.arrivals import arrivals_of
 from lapwing.base.codes import EventKind, MotionState, Status
-from lapwing.engine import Numerics, TrajectoryCall, Wanted, columns, impacts_of, unknown
+from lapwing.engine import Numerics, columns, impacts_of
 from lapwing.engine.records import (
     CYCLE,
     CYCLE_REALS,
-    CYCLE_TABLE,
     EVENT,
-    EVENT_TABLE,
-    MEAN_TABLE,
     SAMPLE,
-    SAMPLE_TABLE,
 )
 from lapwing.studies import mean_rotation
 from lapwing.studies.intervals import mean_interval
@@ -39,6 +35,7 @@ from lapwing.studies.response.mesh_force import (
     flank_motion,
     sample_phases,
 )
+from lapwing.studies.response.recording import Recording, recorded
 from lapwing.studies.sweep.run import LABELS
 from lapwing.studies.trajectory import checked_start, engine_start
 
@@ -121,8 +118,8 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
     other = max(rtol / 100, TIGHTEST_RTOL) if rtol >= 10 * TIGHTEST_RTOL else 100 * rtol
     numerics = Numerics(method=method, rtol=rtol, **tolerances)
     main, reference = (
-        _Outcome.of(osc, pair, _record(osc, (*engine_start(osc, start), phase), span, grid,
-                                       one, exponents), max_period)
+        _Outcome.of(osc, pair, recorded(osc, (*engine_start(osc, start), phase), span, grid,
+                                         one, exponents), max_period)
         for one in (numerics, Numerics(method="rk4", rtol=other, **tolerances)))
     settings = {
         "name": name, "order": order,
@@ -153,62 +150,10 @@ def _check(phase, **whole):
 
 
 @dataclass(frozen=True)
-class _Recording:
-    """Tables of events (n,), cycles (record,), samples (record·grid + 1,); the phases sampled.
-
-    `means` are Θ and Θ' of the cycles and of the samples, None with one degree of freedom.
-
-    Cycles are counted from the first recorded one; the last sample is the end of the last cycle.
-    """
-
-    status: Status
-    grid: np.ndarray
-    events: np.ndarray
-    cycles: np.ndarray
-    samples: np.ndarray
-    means: tuple = (None, None)
-    tangent: np.ndarray | None = None
-
-
-def _record(osc, start, span, grid, numerics, exponents=False):
-    """Settle and record.
-
-    The cycle before the first recorded one is watched already, for an impact counts with the
-    whole flight before it; and one cycle more is run, for the state at which the last one ends.
-    """
-    first, record = span
-    watched, blob, status = max(0, first - 1), None, Status.OK
-    if watched:
-        call = TrajectoryCall(osc, start, numerics=numerics, wanted=Wanted())
-        status = call.run((watched, 0.0), []).status
-        start, blob = (engine.GO_ON, 0, 0, 0), call.blob
-    times = np.column_stack([np.repeat(first + np.arange(record), grid.size),
-                             np.tile(grid * osc.period, record)])
-    if status == Status.OK:
-        call = TrajectoryCall(osc, start, blob, watched, numerics=numerics,
-                              wanted=Wanted(events=True, cycles=True, tangent=exponents))
-        call.run((first + record + 1, 0.0), np.vstack([times, (first + record, 0.0)]))
-        status = call.status
-    if status != Status.OK:
-        means = [unknown(MEAN_TABLE, n) if osc.mean_rotation else None
-                 for n in (record, len(times) + 1)]
-        return _Recording(status, grid, unknown(EVENT_TABLE, 0), unknown(CYCLE_TABLE, record),
-                          unknown(SAMPLE_TABLE, len(times) + 1), means)
-    kept = [(table["cycle"] >= first) & (table["cycle"] < first + record)
-            for table in (call.events, call.cycles)]
-    events, cycles = call.events[kept[0]], call.cycles[kept[1]]
-    for table in (events, cycles):
-        table["cycle"] -= first
-    means = (call.cycle_means[kept[1]] if osc.mean_rotation else None, call.sample_means)
-    return _Recording(status, grid, events, cycles, call.samples, means,
-                      call.tangent[kept[1]] if exponents else None)
-
-
-@dataclass(frozen=True)
 class _Outcome:
     """A recording, its statistics by cycle (dict of (record,) arrays), period and class."""
 
-    recording: _Recording
+    recording: Recording
     by_cycle: dict
     period: int
     motion_class: str
