@@ -166,7 +166,12 @@ class Deck:
     @cached_property
     def te(self):
         """The `TransmissionError`, built (and SciPy imported) at the first use."""
-        return self.te_table.build()
+        return self.curve.te if self.curve else self.te_table.build()
+
+    @cached_property
+    def curve(self):
+        """The `CurveFit` of measured samples, or None where none is asked for."""
+        return self.te_table.curve() if self.te_table.fit else None
 
     def numerics_of(self, study):
         """Keyword arguments rtol … max_steps_per_cycle that `simulate` and `sweep` share."""

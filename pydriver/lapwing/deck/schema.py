@@ -78,6 +78,18 @@ class TransmissionErrorKeys(Group):
     harmonic_order: list[Annotated[int, Field(ge=0, le=200)]] | None = key(
         None, "order of each harmonic, each once; left out: 1, 2, 3, …", "", [1, 2, 3],
         min_length=1)
+    harmonics: int | None = key(
+        None, "orders of the mesh in the curve fitted to a file's samples by least squares, kinks "
+        "kept (section \"Measured curves\"); left out, and without smoothing: no fit, the curve "
+        "passes through every sample", "", 4, ge=1, le=200)
+    smoothing: bool = key(False, "whether a smoothing spline is fitted to a file's samples, kinks "
+                          "kept; how smooth, cross-validation or noise_level decides")
+    noise_level: float | None = key(None, "standard deviation of a sample; left out: estimated "
+                                    "from the residuals of the fit", "rad", 2e-6, gt=0, le=1)
+    curve_repeats: int | None = key(
+        None, "other curves, as samples with the same noise might give them, on which each T_safe "
+        "and each &response is found again; 0: none; left out: 39 where a curve is fitted", "", 39,
+        ge=0, le=1000)
     te_sign: Literal["printed", "geometric"] = key(
         "printed", "sign of the drive flank's motion g = ±i12·Δφ (i12 = Z2/Z1): 'geometric' is -, "
         "right where Δφ > 0 means that the gear is ahead, and for angle pairs (φ1, φ2); 'printed' "

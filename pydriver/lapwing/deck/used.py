@@ -84,7 +84,9 @@ def canonical(deck):
         if group == "numerics":  # each study has its own
             values.pop("rtol", None)
         elif group == "transmission_error":
-            values = {"table": deck.te_table.digest, "te_sign": values["te_sign"]}
+            values = {"table": deck.te_table.digest, "te_sign": values["te_sign"],
+                      **{key: value for key, value in deck.te_table.fit.items()
+                         if value is not None}, **_smoothing(deck)}
         elif group == "sweep":
             study = next(s for s in deck.sweeps if s.name == keys.name)
             values = {k: v for k, v in values.items() if k not in ("from", "to", "count",
@@ -97,6 +99,12 @@ def canonical(deck):
         name = f"{group}.{keys.name}" if group in schema.STUDIES else group
         result[name] = values
     return dict(sorted(result.items()))
+
+
+def _smoothing(deck):
+    """Whether a smoothing spline is fitted, where one is."""
+    fit = deck.te_table.fit
+    return {"smoothing": True} if fit and fit["harmonics"] is None else {}
 
 
 def _groups(deck):

@@ -314,32 +314,9 @@ class TransmissionError:
         ValueError
             Rows out of order, more than one period, or ends of the period that do not meet.
         """
-        pinion = arguments.reals("pinion_angle", pinion_angle, ndim=1)
-        gear = arguments.reals("gear_angle", gear_angle, ndim=1)
-        pinion_teeth = arguments.whole("pinion_teeth", pinion_teeth, 1)
-        gear_teeth = arguments.whole("gear_teeth", gear_teeth, 1)
-        reference = arguments.reals("reference", reference, ndim=1)
-        if reference.size != 2:
-            raise ValueError("reference: expected are two angles")
-        ascending = pinion.ndim == 1 and pinion.size > 1 and np.all(np.diff(pinion) > 0)
-        if pinion.shape != gear.shape or not ascending:
-            raise ValueError("pinion_angle and gear_angle: expected are two equally long rows, "
-                             "pinion_angle ascending")
-        turn = pinion - reference[0]
-        error = (gear - reference[1]) - pinion_teeth / gear_teeth * turn
-        phase = pinion_teeth * turn / (2 * math.pi)
-        excess = phase[-1] - phase[0] - 1
-        if excess > 1e-9:
-            raise ValueError("the pairs cover more than one mesh period: cut the path of contact "
-                             "at its transfer points")
-        if excess > -1e-9:
-            if abs(error[-1] - error[0]) > 1e-3 * np.ptp(error):
-                raise ValueError("the two ends of the mesh period differ by "
-                                 f"{error[-1] - error[0]:.3g} rad: not the transfer points")
-            phase, error = phase[:-1], error[:-1]
-        phase = np.where(phase % 1 > 1 - _PHASE_ROUNDING, 0.0, phase % 1)
-        order = np.argsort(phase)
-        table = cls.from_samples(phase[order], error[order], order == 0)
+        phase, error, kinks = samples_of_pairs(pinion_angle, gear_angle, pinion_teeth, gear_teeth,
+                                               reference)
+        table = cls.from_samples(phase, error, kinks)
         return replace(table, te_sign_hint="geometric")
 
     @classmethod
@@ -382,6 +359,36 @@ class TransmissionError:
             return cls.from_hermite(phase, value, *columns.values())
         except ValueError as error:
             raise TransmissionErrorFileError(path, [(0, 0, str(error))]) from error
+
+
+def samples_of_pairs(pinion_angle, gear_angle, pinion_teeth, gear_teeth, reference=(0.0, 0.0)):
+    """Samples behind angle pairs: phase, Δφ and kinks (n,), as `TransmissionError.from_tca`."""
+    pinion = arguments.reals("pinion_angle", pinion_angle, ndim=1)
+    gear = arguments.reals("gear_angle", gear_angle, ndim=1)
+    pinion_teeth = arguments.whole("pinion_teeth", pinion_teeth, 1)
+    gear_teeth = arguments.whole("gear_teeth", gear_teeth, 1)
+    reference = arguments.reals("reference", reference, ndim=1)
+    if reference.size != 2:
+        raise ValueError("reference: expected are two angles")
+    ascending = pinion.ndim == 1 and pinion.size > 1 and np.all(np.diff(pinion) > 0)
+    if pinion.shape != gear.shape or not ascending:
+        raise ValueError("pinion_angle and gear_angle: expected are two equally long rows, "
+                         "pinion_angle ascending")
+    turn = pinion - reference[0]
+    error = (gear - reference[1]) - pinion_teeth / gear_teeth * turn
+    phase = pinion_teeth * turn / (2 * math.pi)
+    excess = phase[-1] - phase[0] - 1
+    if excess > 1e-9:
+        raise ValueError("the pairs cover more than one mesh period: cut the path of contact "
+                         "at its transfer points")
+    if excess > -1e-9:
+        if abs(error[-1] - error[0]) > 1e-3 * np.ptp(error):
+            raise ValueError("the two ends of the mesh period differ by "
+                             f"{error[-1] - error[0]:.3g} rad: not the transfer points")
+        phase, error = phase[:-1], error[:-1]
+    phase = np.where(phase % 1 > 1 - _PHASE_ROUNDING, 0.0, phase % 1)
+    order = np.argsort(phase)
+    return phase[order], error[order], order == 0
 
 
 # Bernstein coefficients on [0, 1] of degree 5 from ascending powers: b_i = sum_k C(i,k)/C(5,k) c_k.

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from lapwing.deck import schema
 from lapwing.deck.checks.critical import build_critical
+from lapwing.deck.checks.curve import curve_options
 from lapwing.deck.checks.hints import of_parameters
 from lapwing.deck.checks.magnitudes import warn_of_order, warn_of_torques, warn_of_units
 from lapwing.deck.checks.ranges import range_values
@@ -121,11 +122,13 @@ def _table(reader, gear, path, report):
     if reader is None or reader.keys is None:
         return None
     keys = reader.keys
+    fit = curve_options(reader, report)
     if keys.file is not None:
         _refuse_without(reader, "harmonic_amplitude", ("harmonic_shift", "harmonic_order"), report)
         teeth = {name: getattr(gear, name) if gear else 1
                  for name in ("pinion_teeth", "gear_teeth")}
-        table = file_table(keys.file, path.parent, teeth, reader.places["file"], report)
+        table = file_table(keys.file, path.parent, teeth, fit, reader.places["file"],
+                           report)
         if table is not None:
             _warn_of_sign(table, reader, report)
         return table

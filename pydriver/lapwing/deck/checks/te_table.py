@@ -7,12 +7,13 @@ So a table is built early only where building could still fail or its shape ente
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from lapwing.base.messages import cut
+from lapwing.deck.checks.curve import curve_problem, samples_of
 from lapwing.deck.problems import Place
 from lapwing.model.transmission_error import TransmissionError
 from lapwing.model.transmission_error_file import TransmissionErrorFileError, read_columns
@@ -33,16 +34,22 @@ class Table:
         enter
     from_pairs : bool, whether the table comes from angle pairs
     extent : float, rad; greatest less least of the data themselves, not of a curve through them
+    sampled : bool, whether it comes from samples without slopes
+    fit : dict, how a curve is fitted to samples (`curve.curve_options`); empty: not at all
     """
 
     keys: dict
     digest: str
     from_pairs: bool = False
     extent: float = 0.0
+    sampled: bool = False
+    fit: dict = field(default_factory=dict)
 
     def build(self):
         """The `TransmissionError`; ValueError where it cannot be made."""
         keys = self.keys
+        if self.fit:
+            return self.curve().te
         if "file" in keys:
             return TransmissionError.from_file(**{"path": keys["file"], **keys["teeth"]})
         if "parabola_amplitude" in keys:
@@ -50,14 +57,32 @@ class Table:
         return TransmissionError.harmonic(
             keys["harmonic_amplitude"], keys["harmonic_shift"], keys["harmonic_order"])
 
+    def samples(self):
+        """(phase, value, kinks 0/1) of the file; None where there are no samples."""
+        if not self.sampled:
+            return None
+        columns, _ = read_columns(self.keys["file"], **self.keys["teeth"])
+        return samples_of(columns, self.keys["teeth"])
+
+    def curve(self):
+        """The `CurveFit` asked for."""
+        from lapwing.model.curve.fit import fit_curve
+
+        return fit_curve(*self.samples(), harmonics=self.fit["harmonics"],
+                         noise_level=self.fit["noise_level"],
+                         te_sign_hint="geometric" if self.from_pairs else "printed")
+
 
 def flat():
     """A stand-in for checks that do not depend on the table."""
     return TransmissionError(np.array([0.0, 1.0]), np.zeros((1, 6)), np.zeros(1, dtype=bool))
 
 
-def file_table(name, folder, teeth, place, report):
-    """Table of a CSV file relative to `folder`, or None; its problems go to `report`."""
+def file_table(name, folder, teeth, fit, place, report):
+    """Table of a CSV file relative to `folder`, or None; its problems go to `report`.
+
+    `fit` is how its samples are fitted, or None.
+    """
     path = Path(folder, name)
     try:
         columns, problems = read_columns(path, **teeth)
@@ -71,7 +96,14 @@ def file_table(name, folder, teeth, place, report):
     pairs = "gear_angle" in columns
     error = columns["gear_angle"] - teeth["pinion_teeth"] / teeth["gear_teeth"] \
         * columns["pinion_angle"] if pairs else columns["transmission_error"]
-    table = Table({"file": path, "teeth": teeth}, _digest(columns), pairs, float(np.ptp(error)))
+    sampled = not any(name.startswith("slope") for name in columns)
+    table = Table({"file": path, "teeth": teeth}, _digest(columns), pairs, float(np.ptp(error)),
+                  sampled, fit or {})
+    if fit and not pairs:
+        problem = curve_problem(samples_of(columns, teeth), fit)
+        if problem:
+            report.add(place, f"{path.name} cannot be fitted: {problem}")
+            return None
     if _plain(columns) or _builds(table, Place(str(path)), report):
         return table
     return None

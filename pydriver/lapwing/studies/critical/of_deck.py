@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lapwing.engine import Numerics
+from lapwing.studies.critical import measured
 from lapwing.studies.critical import run as search
 from lapwing.studies.labels import labels
 
@@ -19,7 +20,8 @@ def critical_study(deck, study, threads, done=None):
 
     Returns
     -------
-    xarray.Dataset, from `lapwing.critical_full` and the like, with `labels.labels`
+    xarray.Dataset, from `lapwing.critical_full` and the like, with `labels.labels`, and of a
+    measured transmission error what its noise leaves (`measured`)
     """
     options = {"parameter": study.parameter, "values": study.values, "safe_end": study.safe_end,
                **study.operation}
@@ -27,14 +29,20 @@ def critical_study(deck, study, threads, done=None):
         options |= {"starts": search.StartGrid(*study.starts), "settle": study.settle_cycles,
                     "record": study.record_cycles, "phase": deck.numerics["start_phase"],
                     "numerics": Numerics(**deck.numerics_of(study)), "threads": threads,
-                    "progress": done}
+                    "progress": done and measured.first_of(deck, study, done)}
     if study.find == "safe":
         options |= {"resolution": study.resolution, "further": study.further_values}
     elif study.find == "back":
         options["confidence"] = study.confidence
     find = {"full": search.critical_full, "safe": search.critical_safe,
             "back": search.critical_back, "on": search.critical_on}[study.find]
-    return find(deck.gear_pair, deck.te, **options).assign_attrs(labels(deck, study))
+    found = find(deck.gear_pair, deck.te, **options).assign_attrs(labels(deck, study))
+    if study.find in ("full", "on"):
+        return measured.with_interval(found, deck, study)
+    if study.find == "safe":
+        return measured.with_repeats(found, deck, study, lambda te, told: find(
+            deck.gear_pair, te, **{**options, "progress": told}), done)
+    return found
 
 
 def full_engagement(deck, study):
@@ -44,8 +52,9 @@ def full_engagement(deck, study):
 
     Returns
     -------
-    dict of the attributes full_engagement (N·m) and full_engagement_phase (mesh periods), empty
-    where there is none
+    dict of the attributes full_engagement (N·m) and full_engagement_phase (mesh periods), and of a
+    measured transmission error full_engagement_low and _high, its 95 % interval; empty where there
+    is none
     """
     if getattr(study, "parameter", "brake_torque") != "brake_torque" \
             or study.operation["contact_law"] == "rigid":
@@ -54,4 +63,8 @@ def full_engagement(deck, study):
     found = search.critical_full(deck.gear_pair, deck.te, **operation).attrs
     if found["outcome"] != "found":
         return {}
-    return {"full_engagement": found["estimate"], "full_engagement_phase": found["phase"]}
+    known = {"full_engagement": found["estimate"], "full_engagement_phase": found["phase"]}
+    if deck.curve is None:
+        return known
+    low, high = measured.interval(deck, "full", "brake_torque", operation)
+    return known | {"full_engagement_low": low, "full_engagement_high": high}

@@ -73,7 +73,7 @@ def critical_full(pair, te, *, parameter="brake_torque", values=None, safe_end="
     ValueError
         for refused arguments, the oscillator's own refusals included, the rigid law among them.
     """
-    return _of_force("full", critical_force, pair, te, parameter, values, safe_end, operation)
+    return of_force("full", critical_force, pair, te, parameter, values, safe_end, operation)
 
 
 def critical_on(pair, te, *, parameter="brake_torque", values=None, safe_end="high", **operation):
@@ -82,7 +82,7 @@ def critical_on(pair, te, *, parameter="brake_torque", values=None, safe_end="hi
     Arguments and result are those of `critical_full`; outcome may also be 'thrown_off' or 'struck':
     no value does, because a kink at `phase` throws the tooth off or strikes it.
     """
-    return _of_force("on", lift_off_force, pair, te, parameter, values, safe_end, operation)
+    return of_force("on", lift_off_force, pair, te, parameter, values, safe_end, operation)
 
 
 def critical_safe(pair, te, *, parameter="brake_torque", values, safe_end="high", resolution=None,
@@ -246,8 +246,11 @@ def _clean(values, seen, cycles, bound):
             "rate_bound": float(bound[:n].max()) if n else math.nan}
 
 
-def _of_force(find, criterion, pair, te, parameter, values, safe_end, operation):
-    """Where F passes what `criterion` asks for."""
+def of_force(find, criterion, pair, te, parameter, values, safe_end, operation):
+    """Where F passes what `criterion(osc)` asks for: a force (rad) and a phase, as `CriticalForce`.
+
+    The other arguments and the result are those of `critical_full`.
+    """
     _checked_pair(pair, te, parameter)
     arguments.choice("safe_end", safe_end, SAFE_ENDS)
 

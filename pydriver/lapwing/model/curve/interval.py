@@ -1,0 +1,205 @@
+"""What the noise of a measured transmission error leaves unknown of a critical force.
+
+The force asked for is the largest value over the mesh phase of a function that is linear in the
+curve's coefficients: of -h, the engaged response, or of g'' where teeth are rigid.  Of a curve with
+noise that largest value comes out too large: the noise adds peaks of its own.  So the limits are
+not those of its spread, but bounds for a largest value (Chernozhukov, Lee & Rosen, Econometrica 81
+(2013) 667): the function's value is at most the upper limit at the phase of its true maximum,
+whichever that is, hence the greatest pointwise upper limit; and at least the greatest of lower
+limits that hold at all phases together, of those at which the maximum may lie.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from lapwing.model.curve.basis import LeastSquares, curve_of, fit_problem
+from lapwing.model.curve.fit import CurveFit
+from lapwing.model.linear_response import critical_force, engaged_response
+from lapwing.model.rigid_contact import lift_off_force
+
+CONFIDENCE = 0.95
+DRAWS = 999
+# Phases for each turn of the highest order: a maximum between them is missed by 0.05 %.
+_PER_TURN, _LEAST_PHASES, _MOST_PHASES = 96, 512, 20_000
+# Orders in the table of the critical value against the highest order.
+MOST_TABLED = 16
+_TABLE_DRAWS = 199
+# Of the orders of a curve the upper third is asked how much rests on it.
+_LOWER = 2 / 3
+_FEWEST = 3
+
+
+class ForceBounds(NamedTuple):
+    """A critical force (rad), its limits, and the phase (mesh periods) where contact goes first."""
+
+    low: float
+    force: float
+    high: float
+    phase: float
+
+
+def force_bounds(osc, fit, confidence=CONFIDENCE, draws=DRAWS):
+    """Critical force of a fitted curve and the interval that the samples' noise leaves.
+
+    1. Responses to each coefficient of the unsmoothed fit, at phases close to each other.
+    2. Deviations of the coefficients: bootstrap of the residuals (`CurveFit.deviations`).
+    3. The bounds above, (1 - confidence)/2 on either side, each deviation over its own standard
+       error. They are widened to hold the force of the curve itself.
+
+    Parameters
+    ----------
+    osc : Oscillator; contact law, speed and damping; its transmission error and force are not used
+    fit : CurveFit
+    confidence : float
+    draws : int
+
+    Returns
+    -------
+    ForceBounds; infinite where a kink moves a rigid tooth
+
+    Raises
+    ------
+    ValueError
+        As `engaged_response`.
+    """
+    force, phase, *reason = needed_force(replace(osc, te=fit.te))
+    if any(reason):
+        return ForceBounds(math.inf, math.inf, math.inf, phase)
+    if fit.noise == 0:
+        return ForceBounds(force, force, force, phase)
+    columns = -_responses(osc, fit.kinks, fit.wide.order)
+    middle = columns @ fit.wide.coefficients
+    # The phases between those looked at.
+    middle += needed_force(replace(osc, te=fit.te_wide))[0] - middle.max()
+    error = fit.noise * np.sqrt(np.sum((columns @ fit.wide.root) ** 2, axis=1))
+    deviations, scale = fit.deviations(draws)
+    low, high = largest_value_bounds(middle, error, columns @ deviations / scale, confidence,
+                                     fit.phase.size,
+                                     math.inf if fit.noise_stated else fit.wide.freedom)
+    return ForceBounds(min(low, force), force, max(high, force), phase)
+
+
+def largest_value_bounds(middle, error, deviations, confidence, samples, freedom):
+    """Bounds for the largest value of a function known with errors.
+
+    Parameters
+    ----------
+    middle, error : (n,) arrays; the function as estimated, and its standard error
+    deviations : (n, m) array; draws of the estimate's error
+    confidence : float, of the interval; half of what is left lies on either side
+    samples : int, that the estimate rests on
+    freedom : float, degrees of freedom of the standard error
+
+    Returns
+    -------
+    low, high : float
+    """
+    from scipy.stats import norm, t
+
+    side = 1 - (1 - confidence) / 2
+    point = norm.ppf(side) if math.isinf(freedom) else t.ppf(side, freedom)
+    high = float(np.max(middle + point * error))
+    worst = deviations / error[:, None]
+    # Phases that cannot hold the maximum do not count: the authors' step of selection.
+    first = np.quantile(worst.max(axis=0), 1 - 0.1 / math.log(max(samples, 3)))
+    possible = middle >= np.max(middle - first * error) - 2 * first * error
+    together = np.quantile(worst[possible].max(axis=0), side)
+    return float(np.max((middle - together * error)[possible])), high
+
+
+def needed_force(osc):
+    """Critical force and phase: complete engagement, or of rigid teeth staying on the flank."""
+    return lift_off_force(osc) if osc.contact_law == "rigid" else critical_force(osc)
+
+
+def _responses(osc, kinks, order):
+    """Response to each coefficient of a fit at all phases, (n, p); contact needs F > -minimum."""
+    ratio = osc.mesh_frequency_ratio
+    turns = max(order, min(1 / ratio, _MOST_PHASES) if len(kinks) else 1)
+    count = min(max(_LEAST_PHASES, math.ceil(_PER_TURN * turns)), _MOST_PHASES)
+    phase = np.arange(count) / count
+    square = (np.arange(1, order + 1) * ratio) ** 2
+    rigid = osc.contact_law == "rigid"
+    gain = square if rigid else square / (
+        1 - square + 2j * osc.damping_ratio * np.sqrt(square))
+    wave = osc.flank_scale * gain * np.exp(
+        2j * np.pi * np.multiply.outer(phase, np.arange(1, order + 1)))
+    waves = np.stack([wave.real, wave.imag], axis=-1).reshape(count, -1)
+    return np.column_stack([np.zeros(count), *(
+        _kink_response(osc, at, phase) for at in kinks), waves])
+
+
+def _kink_response(osc, at, phase):
+    """Response to a parabola whose slope jumps by 1 rad per mesh period at a phase."""
+    unit = curve_of(np.array([0.0, 1.0]), [at], 0)
+    response = engaged_response(replace(osc, te=unit))
+    return response.penetration(phase) - osc.force
+
+
+def forces_by_order(osc, fit):
+    """Critical force against the highest order of an unsmoothed fit of the same samples.
+
+    Returns
+    -------
+    dict of arrays (n,): order; low, force, high (rad); noise (rad) that the residuals show; gcv
+    (rad²), generalised cross-validation
+    """
+    rows = []
+    for order in range(1, max(MOST_TABLED, min(fit.wide.order + 4, 2 * MOST_TABLED)) + 1):
+        if fit_problem(fit.phase, fit.kinks, order):
+            break
+        wide = LeastSquares.of(fit.phase, fit.value, fit.kinks, order)
+        one = CurveFit(fit.phase, fit.value, fit.kinks, "harmonics", order, wide.coefficients,
+                       wide, fit.noise if fit.noise_stated else wide.noise, fit.noise_stated,
+                       1.0 + fit.kinks.size + 2 * order, fit.te_sign_hint)
+        low, force, high, _ = force_bounds(osc, one, draws=_TABLE_DRAWS)
+        rows.append((order, low, force, high, wide.noise, wide.gcv))
+    names = ("order", "low", "force", "high", "noise", "gcv")
+    return dict(zip(names, map(np.array, zip(*rows, strict=True)), strict=True))
+
+
+def share_of_high_orders(osc, fit):
+    """How much of the critical force rests on the upper third of a curve's orders.
+
+    Returns
+    -------
+    share : float, change of the force without them, as part of it; NaN where there are fewer than
+        three orders, or no force
+    above : int, the highest order left
+    """
+    above = math.ceil(_LOWER * fit.order)
+    if fit.order < _FEWEST:
+        return math.nan, fit.order
+    force = needed_force(replace(osc, te=fit.te))[0]
+    without = needed_force(replace(osc, te=fit.without_orders_above(above)))[0]
+    if not math.isfinite(force) or force == 0:
+        return math.nan, above
+    return abs(force - without) / abs(force), above
+
+
+def repeat_interval(estimate, repeats):
+    """Interval of a number found again on other curves, `CurveFit.repeats`.
+
+    The 95 % range of what was found, joined with the same range turned round the estimate: noise
+    that moves the repeats one way has moved the estimate the same way from the truth.
+
+    Parameters
+    ----------
+    estimate : float
+    repeats : array (n,); NaN where nothing was found
+
+    Returns
+    -------
+    low, high : float; NaN where fewer than half of the repeats found something
+    """
+    found = repeats[np.isfinite(repeats)]
+    if not math.isfinite(estimate) or 2 * found.size < max(repeats.size, 1):
+        return math.nan, math.nan
+    side = (1 - CONFIDENCE) / 2
+    low, high = np.quantile(found, [side, 1 - side], method="weibull")
+    return float(min(low, 2 * estimate - high)), float(max(high, 2 * estimate - low))

@@ -1,0 +1,173 @@
+"""What the noise of a measured transmission error leaves unknown of a critical value."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from lapwing.model.curve.fit import fit_curve
+from lapwing.model.curve.interval import (
+    CONFIDENCE,
+    force_bounds,
+    forces_by_order,
+    needed_force,
+    repeat_interval,
+    share_of_high_orders,
+)
+from lapwing.model.linear_response import CriticalForce
+from lapwing.studies.critical.run import TORQUES, of_force
+from lapwing.studies.sweep.run import oscillator_at
+
+# Draws where each of many values needs its own bounds.
+_FEWER_DRAWS = 199
+# Orders that a table used raw is compared with: those up to half of what its rows resolve.
+_RAW_SHARE, _RAW_ORDERS = 4, 50
+
+DESCRIPTIONS = {
+    "fit_order": ("1", "highest order of the curve fitted to the samples"),
+    "fit_estimate": (None, "critical value by highest order of the curve"),
+    "fit_low": (None, "lower end of its 95 % interval"),
+    "fit_high": (None, "upper end of its 95 % interval"),
+    "fit_noise": ("rad", "standard deviation of a sample by the residuals of that fit"),
+    "fit_gcv": ("rad2", "generalised cross-validation of that fit"),
+    "repeat_value": (None, "critical value of other curves that such samples might give")}
+
+
+def with_interval(found, deck, study):
+    """A force-balance search with the interval of a fitted curve, and against its orders.
+
+    Parameters
+    ----------
+    found : xarray.Dataset of `critical_full` or `critical_on`
+    deck : lapwing.deck.Deck
+    study : lapwing.deck.Critical
+
+    Returns
+    -------
+    xarray.Dataset with the attributes low and high (of the parameter; NaN beyond the values
+    searched), confidence, curve ('harmonics', 'smoothing' or, raw, 'samples'), high_order_share
+    and high_order_above; along a torque over `fit_order` the same against the highest order
+    """
+    if study.parameter in TORQUES:
+        osc = oscillator_at(deck.gear_pair, deck.te, study.parameter, 0.0, study.operation)
+    else:
+        osc = oscillator_at(deck.gear_pair, deck.te, study.parameter, float(study.values[0]),
+                            study.operation)
+    found = found.assign_attrs(high_orders(deck, osc))
+    if deck.curve is None:
+        return found
+    low, high = interval(deck, study.find, study.parameter, study.operation, study.values,
+                         study.safe_end)
+    found = found.assign_attrs(low=low, high=high, confidence=CONFIDENCE)
+    if study.parameter not in TORQUES or found.attrs["outcome"] != "found":
+        return found
+    return _against_order(found, deck, study, osc)
+
+
+def high_orders(deck, osc):
+    """What of a measured curve's critical force rests on its highest orders.
+
+    Returns
+    -------
+    dict of curve ('harmonics', 'smoothing', 'samples'), high_order_share (NaN: not known) and
+    high_order_above; empty where the table is none of samples
+    """
+    curve, table = deck.curve, deck.te_table
+    if curve is not None:
+        share, above = share_of_high_orders(osc, curve)
+        return {"curve": curve.method, "high_order_share": share, "high_order_above": above}
+    if not table.sampled:
+        return {}
+    return {"curve": "samples", **raw_orders(osc, *table.samples())}
+
+
+def raw_orders(osc, phase, value, kinks):
+    """The same of samples used raw: how much of the force the upper half of their orders makes."""
+    above = min(phase.size // _RAW_SHARE, _RAW_ORDERS)
+    force = needed_force(osc)[0]
+    try:
+        lower = fit_curve(phase, value, kinks, harmonics=max(above, 1)).te
+    except ValueError:
+        return {"high_order_share": np.nan, "high_order_above": above}
+    without = needed_force(replace(osc, te=lower))[0]
+    known = np.isfinite(force) and np.isfinite(without) and force != 0
+    return {"high_order_share": abs(force - without) / abs(force) if known else np.nan,
+            "high_order_above": above}
+
+
+def interval(deck, find, parameter, operation, values=None, safe_end="high"):
+    """Ends of the 95 % interval of a critical value; NaN where one is beyond the values searched.
+
+    The critical value of the lower and of the upper limit of the force that contact needs.
+    """
+    known, draws = {}, {} if parameter in TORQUES else {"draws": _FEWER_DRAWS}
+
+    def bound(name):
+        def criterion(osc):
+            key = (osc.mesh_frequency_ratio, osc.damping_ratio, osc.flank_scale, osc.restitution)
+            if key not in known:
+                known[key] = force_bounds(osc, deck.curve, **draws)
+            return CriticalForce(getattr(known[key], name), known[key].phase)
+        return criterion
+
+    ends = [of_force(find, bound(name), deck.gear_pair, deck.te, parameter, values, safe_end,
+                     operation).attrs["estimate"] for name in ("low", "high")]
+    return tuple(sorted(ends))
+
+
+def _against_order(found, deck, study, osc):
+    """The critical value and its interval by the highest order of an unsmoothed fit."""
+    table = forces_by_order(osc, deck.curve)
+    unit = oscillator_at(deck.gear_pair, deck.te, study.parameter, 1.0, study.operation)
+    columns = {name: (table[force] - osc.force) / (unit.force - osc.force) for name, force in (
+        ("fit_low", "low"), ("fit_estimate", "force"), ("fit_high", "high"))}
+    columns |= {"fit_noise": table["noise"], "fit_gcv": table["gcv"]}
+    found = found.assign({name: ("fit_order", column) for name, column in columns.items()})
+    return _described(found.assign_coords(fit_order=table["order"].astype(np.int32)))
+
+
+def first_of(deck, study, done):
+    """Progress of the search itself where repeats follow it."""
+    many = 1 + _repeats(deck, study)
+    return lambda fraction: done(fraction / many)
+
+
+def _repeats(deck, study):
+    curve = deck.te_table.fit
+    return curve.get("curve_repeats", 0) if study.find == "safe" else 0
+
+
+def with_repeats(found, deck, study, search, done=None):
+    """A search with the same search on other curves that samples with this noise might give.
+
+    Parameters
+    ----------
+    found : xarray.Dataset of `critical_safe`
+    deck, study : as for `with_interval`
+    search : callable(te, progress), giving such a Dataset
+    done : callable(fraction) or None
+
+    Returns
+    -------
+    xarray.Dataset with repeat_value over `repeat` (NaN: none found in the range) and the
+    attributes low and high, `interval.repeat_interval`; as it was where there are no repeats
+    """
+    many = _repeats(deck, study)
+    if not many:
+        return found
+    values = np.full(many, np.nan)
+    for i, te in enumerate(deck.curve.repeats(many)):
+        told = done and (lambda fraction, i=i: done((1 + i + fraction) / (1 + many)))
+        values[i] = search(te, told).attrs["estimate"]
+    low, high = repeat_interval(found.attrs["estimate"], values)
+    return _described(found.assign(repeat_value=("repeat", values)).assign_attrs(
+        low=low, high=high, confidence=CONFIDENCE, curve=deck.curve.method))
+
+
+def _described(dataset):
+    for name in set(DESCRIPTIONS) & set(map(str, dataset.variables)):
+        units, long_name = DESCRIPTIONS[name]
+        dataset[name].attrs = {"long_name": long_name,
+                               "units": dataset.attrs["units"] if units is None else units}
+    return dataset
