@@ -355,17 +355,25 @@ class _Run:
             path, variables = self.whole
             shutil.copyfile(path, folder / RESULT_FILE)
         else:
+            osc = _reference_oscillator(self.deck)
             variables = write_results(
                 folder / RESULT_FILE, deck_name=self.deck.title, deck_text=self.deck.text,
                 used_text=text, used_hash=self.inputs, pair=self.deck.gear_pair, te=self.deck.te,
-                osc=_reference_oscillator(self.deck), responses=[*found.responses.values()],
+                osc=osc, measured=_measured(self.deck, osc), responses=[*found.responses.values()],
                 sweeps=found.sweeps, criticals=found.criticals, te_source=_te_source(self.deck),
                 interrupted=found.interrupted, studies=studies_of(self.deck))
         with read_results(folder / RESULT_FILE, check=False) as results:
+            self._warn(results.transmission_error.attrs)
             (folder / SUMMARY).write_text(summary_text(results), encoding="utf-8")
         (folder / USED_DECK).write_text(text, encoding="utf-8")
         done(1.0)
         return variables
+
+    def _warn(self, attrs):
+        """Say of measured samples what the summary warns of."""
+        from lapwing.report.measured import warnings
+
+        self.notes += [f"{self.deck.title}: {text.replace('**', '')}" for text in warnings(attrs)]
 
     def _draw(self, folder, crew):
         """Figures, from the file alone; those not drawn, and whether disk or memory is why."""
@@ -395,9 +403,21 @@ def _formats_in(manifest):
 
 
 def _te_source(deck):
-    """Name of the table's file, or None where a formula makes it."""
+    """Name of the table's file and what was made of it, or None where a formula makes it."""
+    from lapwing.report.measured import curve_source
+
     name = deck.settings["transmission_error"].file
-    return Path(name).name if name else None
+    samples = deck.te_table.samples()
+    return curve_source(Path(name).name, deck.curve, samples and samples[0].size) if name else None
+
+
+def _measured(deck, osc):
+    """What is stored of measured samples: they, their fit, and how much its high orders decide."""
+    from lapwing.results.curve import curve_variables
+    from lapwing.studies.critical.measured import high_orders
+
+    variables, attributes = curve_variables(deck.curve, deck.te_table.samples())
+    return variables, {**attributes, **high_orders(deck, osc)}
 
 
 def _reference_oscillator(deck):

@@ -26,6 +26,8 @@ RESPONSE_FIGURES = ("history", "phase_portrait", "impact_section", "spectrum")
 # ... and of one with two degrees of freedom.
 SHAFT_FIGURE = "shaft_motion"
 TE_FIGURE = "te_curve"
+# Of measured samples: a critical torque against the order of the fit, and the fit itself.
+ORDERS_FIGURE, FIT_FIGURE = "fit_orders", "te_fit"
 
 
 class FigureError(Exception):
@@ -81,10 +83,14 @@ def tasks_of(results):
             *(Task(f"{CRITICAL_FIGURE}_{name}", CRITICAL_FIGURE, "critical", name)
               for name in results.criticals
               if "trial" in results.critical(name).dims),  # a closed form has nothing to show
+            *(Task(f"{ORDERS_FIGURE}_{name}", ORDERS_FIGURE, "critical", name)
+              for name in results.criticals if "fit_order" in results.critical(name).dims),
             *(Task(f"{module}_{name}", module, "response", name)
               for name in results.responses for module in RESPONSE_FIGURES),
             *(Task(f"{SHAFT_FIGURE}_{name}", SHAFT_FIGURE, "response", name)
               for name in results.responses if "pinion_speed" in results.response(name)),
+            *[Task(FIT_FIGURE, FIT_FIGURE, "transmission_error")]
+            * ("sample_residual" in results.transmission_error),
             Task(TE_FIGURE, TE_FIGURE, "transmission_error")]
 
 
@@ -189,7 +195,7 @@ def _options(results, task):
         return {"title": f"{deck}, sweep '{task.name}': {task.module.replace('_', ' ')}",
                 "claims": _claims(results, task.name),
                 "marks": _marks(results, parameter_of(results.sweep(task.name)))}
-    if task.kind == "critical":
+    if task.module == CRITICAL_FIGURE:
         parameter = results.critical(task.name).attrs["parameter"]
         return {"marks": _marks(results, parameter, besides=task.name)}
     return {}

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from lapwing.base.codes import SearchStage
+from lapwing.report.measured import critical_words, has_interval, value_and_interval
 from lapwing.report.words import UNITS, markdown, parameter_words, plural
 from lapwing.results.findings import search_bounded, search_known, words_beyond
 
@@ -63,6 +64,8 @@ def headline(critical):
     if attrs["find"] == "back":
         return (f"{_meaning(critical)} at {_with_unit(critical, attrs['last_seen'])}; "
                 f"none at the {_quiet(critical)}")
+    if has_interval(attrs) and not bar.startswith("±"):
+        return f"{_meaning(critical)} {_name(critical)} {value} {_unit(critical)}: {bar}"
     bar = f" {bar}" * bar.startswith("±")
     return f"{_meaning(critical)} {_name(critical)} {value}{bar} {_unit(critical)}".rstrip()
 
@@ -91,14 +94,18 @@ def _cells(critical):
                 "unsafe_throughout": f"not found: beyond {attrs.get('scan_from', 0):g}, if any"
                 }.get(attrs["outcome"], "none"), "–"
     if attrs["find"] in ("full", "on"):
-        return f"{attrs['estimate']:.12g}", "rounding"
+        if has_interval(attrs):
+            return value_and_interval(attrs)
+        raw = ", samples used raw" * (attrs.get("curve") == "samples")
+        return f"{attrs['estimate']:.12g}", "rounding" + raw
     if attrs["find"] == "back":
         return f"{attrs['last_seen']:g}", f"none seen at the next, {attrs['first_clean']:g}"
     if not search_bounded(critical):
         limit = "at most" if attrs["safe_end"] == "high" else "at least"
         return f"{limit} {attrs['clean']:g}", "motions failed beyond"
     value, bar = decimals(attrs["estimate"], attrs["bar"])
-    return value, f"± {bar}"
+    noise = f"; {value_and_interval(attrs)[1]}" if has_interval(attrs) else ""
+    return value, f"± {bar}{noise}"
 
 
 def _tried(critical):
@@ -143,8 +150,9 @@ def _sides(critical):
 
 def _sentences(critical):
     sentences = {"full": _full, "on": _on, "safe": _safe, "back": _back}[critical.attrs["find"]]
-    return sentences(critical) + (" (At a torque or speed of its own, set in its group.)"
-                                  * bool(critical.attrs.get("own_operation", 0)))
+    own = " (At a torque or speed of its own, set in its group.)"
+    return sentences(critical) + critical_words(critical, _unit(critical)) \
+        + own * bool(critical.attrs.get("own_operation", 0))
 
 
 def _full(critical):
@@ -158,10 +166,12 @@ def _full(critical):
     how = "closed form" if "scan_from" not in attrs else \
         f"scan of {attrs['scan_values']} values from {attrs['scan_from']:g}, then solved"
     side, other = _sides(critical)
-    return (f"**{_name(critical)} {attrs['estimate']:.12g} {_unit(critical)}** ({how}, to "
-            f"rounding): {side} it contact *can* be kept, by the engaged motion; just {other} it, "
-            f"contact is lost first at mesh phase {attrs['phase']:.9f}. Other motions may rattle "
-            "beside the engaged one: this search does not look for them.")
+    value = value_and_interval(attrs)[0] if has_interval(attrs) else f"{attrs['estimate']:.12g}"
+    how += ", to rounding" * (not has_interval(attrs))
+    return (f"**{_name(critical)} {value} {_unit(critical)}** ({how}): {side} it contact *can* be "
+            f"kept, by the engaged motion; just {other} it, contact is lost first at mesh phase "
+            f"{attrs['phase']:.9f}. Other motions may rattle beside the engaged one: this search "
+            "does not look for them.")
 
 
 def _on(critical):
@@ -173,7 +183,7 @@ def _on(critical):
         return _throughout(critical, "a rigid tooth stays on the flank",
                            "a rigid tooth leaves the flank")
     side, other = _sides(critical)
-    return (f"**{_name(critical)} {attrs['estimate']:.12g} {_unit(critical)}** (F = max g'', to "
+    return (f"**{_name(critical)} {_cells(critical)[0]} {_unit(critical)}** (F = max g'', to "
             f"rounding): {side} it a rigid tooth that rests on the drive flank stays there; just "
             f"{other} it, the tooth leaves first at mesh phase {attrs['phase']:.9f}. Bouncing may "
             "exist beside it.")

@@ -8,6 +8,7 @@ from lapwing.base.arrivals import arrivals_in
 from lapwing.base.codes import MotionState
 from lapwing.report.answers.findings import findings, findings_lines
 from lapwing.report.critical import critical_table, critical_text
+from lapwing.report.measured import curve_sentences, motion_words
 from lapwing.report.numbers import count_words, doubtful, repeats, uncertainty, value_words
 from lapwing.report.stability import aperiodic_words, stability_sentence
 from lapwing.report.sweep import sweep_text
@@ -85,6 +86,7 @@ def _gear(results, responses):
         f"{pair['natural_frequency'] / (2 * math.pi):.6g} Hz. Transmission error: "
         f"{table['source']}, {1e6 * table['peak_to_peak']:.4g} µrad peak to peak, sign "
         f"`{table['te_sign']}`."]
+    lines += curve_sentences(table)
     if responses:
         laws = sorted({f"contact law `{one['contact_law']}`, impact law `{one['impact_law']}`, gap "
                        f"`{one['gap']}`, mesh frequency {1 / one['mesh_period_s']:.6g} Hz"
@@ -210,7 +212,8 @@ def _paragraph(attrs):
             sentences.append("The coast flank is pressed in by up to "
                              f"{value_words(attrs, 'deepest_back_penetration', 1e6)} µrad.")
     sentences += [_times_of_states(attrs), _speed_sentence(attrs), stability_sentence(attrs),
-                  _force_sentence(attrs), _comparison(attrs), _trust(attrs), f"({run}.)"]
+                  _force_sentence(attrs), motion_words(attrs), _comparison(attrs), _trust(attrs),
+                  f"({run}.)"]
     return " ".join(sentence for sentence in sentences if sentence)
 
 

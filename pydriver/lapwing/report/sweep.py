@@ -8,6 +8,7 @@ from lapwing.base.arrivals import arrivals_in, per_cycle
 from lapwing.base.codes import Status
 from lapwing.report.amplitudes import amplitude_lines
 from lapwing.report.hysteresis import hysteresis
+from lapwing.report.measured import torque_words
 from lapwing.report.stability import sweep_stability
 from lapwing.report.words import UNITS, markdown, method_words, parameter_words, plural
 from lapwing.results.findings import START_NAMES, known, names, rattles, span, words_beyond
@@ -73,8 +74,8 @@ def _full_engagement(sweep, unit):
     value = sweep.attrs.get("full_engagement", np.nan)
     if not np.isfinite(value):
         return []
-    return [f"- T_full = {value:.10g} {unit}: contact *can* be kept from here, for the engaged "
-            "motion never separates above it (contact is first lost at mesh phase "
+    return [f"- T_full = {torque_words(sweep.attrs, unit)}: contact *can* be kept from here, for "
+            "the engaged motion never separates above it (contact is first lost at mesh phase "
             f"{sweep.attrs['full_engagement_phase']:.6f}). Other motions beside it: "
             f"{words_beyond(sweep, value, unit)}"]
 

@@ -30,7 +30,8 @@ KINDS = ("response", "critical", "sweep")
 
 
 def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te, osc, responses,
-                  sweeps, criticals=None, te_source=None, interrupted=False, studies=()):
+                  sweeps, criticals=None, te_source=None, measured=({}, {}), interrupted=False,
+                  studies=()):
     """Write the result file under a temporary name, flush it to the disk, and rename it.
 
     A reader sees the old file or the new one, never a part.  The same arguments give the same
@@ -49,6 +50,7 @@ def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te,
     sweeps : dict of name -> Dataset, from `lapwing.sweep`, in deck order
     criticals : dict of name -> Dataset, from `lapwing.critical_full` and the like, or None
     te_source : str or None, the table's file name or formula; default: what the table tells
+    measured : variables and attributes of measured samples, from `curve.curve_variables`
     interrupted : bool, whether studies of the deck are missing or unfinished
     studies : sequence of (kind, name), all that the deck asks for, in the order of the summary
 
@@ -74,7 +76,8 @@ def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te,
             "used_deck": used_text, "used_hash": used_hash, "interrupted": int(interrupted),
             "studies": "\n".join(f"{kind} {name}" for kind, name in studies)}
     groups = {None: _dataset({}, root), "gear_pair": _dataset({}, _pair_attributes(pair)),
-              "transmission_error": _transmission_error(te, osc, te_source or _te_source(te))}
+              "transmission_error": _transmission_error(te, osc, te_source or _te_source(te),
+                                                        measured)}
     for order, response in enumerate(responses):
         groups[f"response_{response.attrs['name']}"] = response.assign_attrs(order=order)
     for order, (name, sweep) in enumerate(sweeps.items()):
@@ -125,10 +128,11 @@ def _pair_attributes(pair):
     return {**given, **{name: getattr(pair, name) for name in DERIVED}, "damping_ratio": pair.xi}
 
 
-def _transmission_error(te, osc, source):
+def _transmission_error(te, osc, source, measured):
+    variables, known = measured
     attributes = {"te_sign": osc.te_sign, "flank_scale": osc.flank_scale,
-                  "peak_to_peak": te.peak_to_peak, "source": source}
-    return _dataset({"knots": ("knot", te.knots),
+                  "peak_to_peak": te.peak_to_peak, "source": source, **known}
+    return _dataset({**variables, "knots": ("knot", te.knots),
                      "coefficients": (("piece", "power"), te.coefficients),
                      "kinks": ("piece", te.kinks.astype(np.int8))}, attributes)
 

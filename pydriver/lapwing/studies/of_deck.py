@@ -118,6 +118,7 @@ def _responses(deck, threads, report, known, found):
 def _response(deck, study, order):
     from lapwing.studies.critical.of_deck import full_engagement
     from lapwing.studies.labels import labels
+    from lapwing.studies.response.measured import with_repeats
     from lapwing.studies.response.run import response
 
     result = response(
@@ -130,7 +131,8 @@ def _response(deck, study, order):
         claim_impacts_per_cycle=study.claim_impacts_per_cycle,
         claim_deepest_separation=study.claim_deepest_separation, claim_text=study.claim_text,
         **deck.numerics_of(study))
-    return result.assign_attrs(labels(deck, study) | full_engagement(deck, study))
+    result = result.assign_attrs(labels(deck, study) | full_engagement(deck, study))
+    return with_repeats(result, deck, study)
 
 
 def _sweep(deck, study, threads, done):

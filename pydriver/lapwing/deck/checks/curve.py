@@ -43,6 +43,11 @@ def curve_options(reader, report):
         good = False
         report.add(reader.key_places["smoothing"], "harmonics and smoothing are both given; "
                                                    "expected one of them")
+    if keys.curve_repeats is not None and 0 < keys.curve_repeats < REPEATS:
+        good = False
+        report.add(reader.places["curve_repeats"],
+                   f"curve_repeats = {keys.curve_repeats}, expected 0 or at least {REPEATS}: fewer "
+                   "span no 95 %")
     if not wanted or not good:
         return None
     repeats = REPEATS if keys.curve_repeats is None else keys.curve_repeats

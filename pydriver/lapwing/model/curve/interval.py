@@ -49,7 +49,8 @@ def force_bounds(osc, fit, confidence=CONFIDENCE, draws=DRAWS):
     1. Responses to each coefficient of the unsmoothed fit, at phases close to each other.
     2. Deviations of the coefficients: bootstrap of the residuals (`CurveFit.deviations`).
     3. The bounds above, (1 - confidence)/2 on either side, each deviation over its own standard
-       error. They are widened to hold the force of the curve itself.
+       error. They are widened to hold the force of the curve itself, and end at 0: the mean of
+       the function is 0.
 
     Parameters
     ----------
@@ -81,7 +82,7 @@ def force_bounds(osc, fit, confidence=CONFIDENCE, draws=DRAWS):
     low, high = largest_value_bounds(middle, error, columns @ deviations / scale, confidence,
                                      fit.phase.size,
                                      math.inf if fit.noise_stated else fit.wide.freedom)
-    return ForceBounds(min(low, force), force, max(high, force), phase)
+    return ForceBounds(max(min(low, force), 0.0), force, max(high, force), phase)
 
 
 def largest_value_bounds(middle, error, deviations, confidence, samples, freedom):

@@ -86,12 +86,18 @@ def mark_full_engagement(axes, value, labelled, sweep, height=0.96):
     x = sweep[parameter_of(sweep)].values
     if value is None or not x[0] <= value <= x[-1]:
         return
+    ends = [float(sweep.attrs[key]) for key in ("full_engagement_low", "full_engagement_high")
+            if np.isfinite(sweep.attrs.get(key, np.nan))]
     for axis in axes:
         axis.axvline(value, color="0.35", linewidth=0.9, linestyle=(0, (5, 3)), zorder=1)
+        if len(ends) == 2:  # what the noise of measured samples leaves
+            axis.axvspan(*ends, color="0.35", alpha=0.15, linewidth=0, zorder=0.5)
+    number = f"{value:.5g}" if len(ends) < 2 else \
+        f"{value:.3g} ({ends[0]:.3g} to {ends[1]:.3g}, 95 %)"
     # Where there is no room to the left of the line, the words go to its right.
     left = value - x[0] > ROOM * (x[-1] - x[0])
     labelled.annotate(
-        f"T_full = {value:.5g}: contact can be kept from here;\n{_beyond(sweep, value)}",
+        f"T_full = {number}: contact can be kept from here;\n{_beyond(sweep, value)}",
         (value, height),
         xycoords=("data", "axes fraction"), xytext=(-6 if left else 6, 0),
         textcoords="offset points", ha="right" if left else "left", va="top",

@@ -113,7 +113,7 @@ def interval(deck, find, parameter, operation, values=None, safe_end="high"):
 
     ends = [of_force(find, bound(name), deck.gear_pair, deck.te, parameter, values, safe_end,
                      operation).attrs["estimate"] for name in ("low", "high")]
-    return tuple(sorted(ends))
+    return tuple(ends if safe_end == "high" else ends[::-1])
 
 
 def _against_order(found, deck, study, osc):

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -139,6 +140,34 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
         | mean_rotation.attributes(osc, main.recording.means[1])
         | motion.impact_attributes(osc, pair, main.recording.events, main.number("mesh_force_peak"))
         | motion.motion_attributes(osc, main.recording, main.period, max_period, numerics))
+
+
+class Motion(NamedTuple):
+    """How a run went and what it led to, in short.
+
+    Attributes
+    ----------
+    status : Status
+    motion_class : str
+    impacts_per_cycle : float
+    deepest_separation : float, rad
+    """
+
+    status: Status
+    motion_class: str
+    impacts_per_cycle: float
+    deepest_separation: float
+
+
+def motion_of(osc, pair, *, start, phase, settle_cycles, record_cycles, max_period, numerics):
+    """The motion of a response alone: one run, nothing kept. Arguments as of `response`."""
+    grid, _ = sample_phases(osc, 8)
+    start = checked_start(osc, start, phase)
+    recording = _record(osc, (*engine_start(osc, start), phase),
+                        (settle_cycles + (phase > 0), record_cycles), grid, numerics)
+    outcome = _Outcome.of(osc, pair, recording, max_period)
+    return Motion(recording.status, outcome.motion_class, outcome.number("impacts_per_cycle"),
+                  outcome.number("deepest_separation"))
 
 
 def _check(phase, **whole):

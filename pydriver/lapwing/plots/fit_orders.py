@@ -1,0 +1,73 @@
+"""A critical torque against the highest order of the curve fitted to measured samples."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.ticker import MaxNLocator
+
+from lapwing.plots import style
+from lapwing.plots.critical_marks import SYMBOLS
+
+# Values beyond so many times those of the fit used would hide it.
+HEADROOM = 4.0
+
+
+@style.house_style()
+def draw(critical, gear_pair=None, *, title=None, marks=()):
+    """Draw T_full, and how well samples and curve go together, against the highest order.
+
+    Parameters
+    ----------
+    critical : xarray.Dataset, group `critical_<name>` of a result file, with `fit_order`
+    gear_pair, marks : not used
+    title : str or None
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    attrs = critical.attrs
+    order = critical["fit_order"].values
+    value, low, high = (critical[f"fit_{name}"].values for name in ("estimate", "low", "high"))
+    figure = style.new_figure(8.5, 6.2)
+    axes = figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1))
+    symbol = SYMBOLS[str(attrs["find"])]
+    axes[0].errorbar(order, value, yerr=np.abs([value - low, high - value]), color=style.BLUE,
+                     linestyle="", marker="o", markersize=6, capsize=4, elinewidth=1.4, zorder=3,
+                     label="fit of all orders up to it, 95 % interval")
+    axes[0].axhspan(attrs["low"], attrs["high"], color=style.ORANGE, alpha=0.3, linewidth=0,
+                    label="of the curve used, 95 % interval")
+    axes[0].axhline(attrs["estimate"], color=style.VERMILION, linewidth=1.2,
+                    label=f"of the curve used: {symbol} = {attrs['estimate']:.3g} N·m")
+    top = min(float(np.max(high)), HEADROOM * max(float(attrs["high"]), 1e-300))
+    axes[0].set_ylim(-0.04 * top, 1.04 * top)
+    beyond = high > 1.04 * top
+    if beyond.any():
+        axes[0].plot(order[beyond], np.full(beyond.sum(), 0.97), linestyle="", marker="^",
+                     color=style.BLUE, markersize=6, clip_on=False,
+                     transform=axes[0].get_xaxis_transform(), label="interval goes on")
+    axes[0].set_ylabel(f"{symbol} (N·m)")
+    axes[0].set_title("(a) critical torque; where it climbs with the order, the noise may do it alone")
+    root = np.sqrt(critical["fit_gcv"].values)
+    best = int(np.argmin(root))
+    axes[1].plot(order, style.URAD * critical["fit_noise"].values, color=style.BLACK, marker="s",
+                 markersize=4.5, linewidth=1, label="noise of a sample by the residuals")
+    axes[1].plot(order, style.URAD * root, color=style.GREEN, marker="D", markersize=4.5,
+                 linewidth=1, label="generalised cross-validation, square root")
+    axes[1].plot(order[best], style.URAD * root[best], marker="o", markersize=13, linestyle="",
+                 markerfacecolor="none", markeredgewidth=1.6, color=style.VERMILION,
+                 label=f"least: order {int(order[best])}")
+    if root.max() > 10 * root.min():
+        axes[1].set_yscale("log")
+        style.plain_powers(axes[1].yaxis)
+    axes[1].set_ylabel("(µrad)")
+    axes[1].set_title("(b) samples against curve; there are enough orders where the noise falls no more")
+    axes[1].set_xlabel("highest order of the mesh in the curve")
+    axes[1].xaxis.set_major_locator(MaxNLocator(integer=True))
+    named = [pair for axis in axes
+             for pair in zip(*axis.get_legend_handles_labels(), strict=True)]
+    figure.legend(*zip(*named, strict=True), loc="outside lower center", ncols=2)
+    name = attrs.get("name", symbol)
+    figure.suptitle(f"{name} against the highest order of the fitted curve"
+                    if title is None else title)
+    return figure

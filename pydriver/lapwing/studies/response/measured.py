@@ -1,0 +1,53 @@
+"""What the noise of a measured transmission error leaves unknown of a motion."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from lapwing.base.codes import Status
+from lapwing.engine import Numerics
+from lapwing.model.curve.interval import repeat_interval
+from lapwing.studies.response.run import motion_of
+
+# Numbers of a response that are found again on other curves.
+NUMBERS = ("impacts_per_cycle", "deepest_separation")
+
+
+def with_repeats(found, deck, study):
+    """A response with its motion on other curves that samples with the same noise might give.
+
+    Parameters
+    ----------
+    found : xarray.Dataset of `response`
+    deck : lapwing.deck.Deck
+    study : lapwing.deck.Response
+
+    Returns
+    -------
+    xarray.Dataset with repeat_class ('failed' where a run failed), repeat_impacts_per_cycle and
+    repeat_deepest_separation (rad) over `repeat`, and the attributes curve_repeats, repeat_classes
+    (how many lead to which class, in words) and X_low and X_high of both numbers
+    (`repeat_interval`); as it was where there are no repeats
+    """
+    many = deck.te_table.fit.get("curve_repeats", 0)
+    if not many or found.attrs["status"] != Status.OK:
+        return found
+    numerics = Numerics(**deck.numerics_of(study))
+    motions = [motion_of(
+        deck.gear_pair.oscillator(te, **study.operation), deck.gear_pair, start=study.start,
+        phase=deck.numerics["start_phase"], settle_cycles=study.settle_cycles,
+        record_cycles=study.record_cycles, max_period=deck.numerics["max_period"],
+        numerics=numerics) for te in deck.curve.repeats(many)]
+    classes = Counter(one.motion_class for one in motions)
+    words = ", ".join(f"{name} on {count}" for name, count in sorted(
+        classes.items(), key=lambda item: (-item[1], item[0])))
+    found = found.assign_attrs(curve_repeats=many, repeat_classes=words).assign(
+        repeat_class=("repeat", np.array([one.motion_class for one in motions], dtype=object)),
+        **{f"repeat_{name}": ("repeat", np.array([getattr(one, name) for one in motions]))
+           for name in NUMBERS})
+    for name in NUMBERS:
+        low, high = repeat_interval(found.attrs[name], found[f"repeat_{name}"].values)
+        found = found.assign_attrs({f"{name}_low": max(low, 0.0), f"{name}_high": high})
+    return found
