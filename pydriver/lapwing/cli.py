@@ -213,6 +213,9 @@ def _derived(deck):
                  ("pinion_speed_rpm", "pinion_speed_rad_s", "mesh_frequency_hz")}
     if any(value is not None for value in operation.values()):
         text += f", mesh frequency {pair.mesh_frequency(**operation) / (2 * math.pi):.4g} Hz"
+    if deck.te_table.sampled and not deck.te_table.fit:
+        text += "; samples of the transmission error used raw, their noise as well (harmonics or " \
+                "smoothing fits a curve)"
     return text
 
 

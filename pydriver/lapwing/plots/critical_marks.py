@@ -72,10 +72,11 @@ def label_of(critical):
         return f"{name} {limit} {attrs['clean']:g}, motions failed beyond"
     if attrs["find"] == "back":
         return f"last seen at {attrs['last_seen']:g}, none at {attrs['first_clean']:g}"
+    noise = f" ({attrs['low']:.3g} to {attrs['high']:.3g}, 95 %)" if "low" in attrs else ""
     if attrs["bar"] > 0:
         places = max(0, 1 - int(np.floor(np.log10(attrs["bar"]))))
-        return f"{name} = {attrs['estimate']:.{places}f} ± {attrs['bar']:.2g}"
-    return f"{name} = {attrs['estimate']:.6g}"
+        return f"{name} = {attrs['estimate']:.{places}f} ± {attrs['bar']:.2g}{noise}"
+    return f"{name} = {attrs['estimate']:.{3 if noise else 6}g}{noise}"
 
 
 def draw_marks(axes, labelled, marks, x, drawn=None, heights=(0.55, 0.55)):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.ticker import MaxNLocator
 
 from lapwing.plots import style
 from lapwing.plots.critical_marks import SYMBOLS
@@ -26,6 +25,8 @@ def draw(critical, gear_pair=None, *, title=None, marks=()):
     -------
     matplotlib.figure.Figure
     """
+    from matplotlib.ticker import MaxNLocator
+
     attrs = critical.attrs
     order = critical["fit_order"].values
     value, low, high = (critical[f"fit_{name}"].values for name in ("estimate", "low", "high"))
@@ -47,7 +48,7 @@ def draw(critical, gear_pair=None, *, title=None, marks=()):
                      color=style.BLUE, markersize=6, clip_on=False,
                      transform=axes[0].get_xaxis_transform(), label="interval goes on")
     axes[0].set_ylabel(f"{symbol} (N·m)")
-    axes[0].set_title("(a) critical torque; where it climbs with the order, the noise may do it alone")
+    axes[0].set_title("(a) critical torque; noise alone makes it climb with the order")
     root = np.sqrt(critical["fit_gcv"].values)
     best = int(np.argmin(root))
     axes[1].plot(order, style.URAD * critical["fit_noise"].values, color=style.BLACK, marker="s",
@@ -61,7 +62,7 @@ def draw(critical, gear_pair=None, *, title=None, marks=()):
         axes[1].set_yscale("log")
         style.plain_powers(axes[1].yaxis)
     axes[1].set_ylabel("(µrad)")
-    axes[1].set_title("(b) samples against curve; there are enough orders where the noise falls no more")
+    axes[1].set_title("(b) samples against curve; enough orders: the noise falls no more")
     axes[1].set_xlabel("highest order of the mesh in the curve")
     axes[1].xaxis.set_major_locator(MaxNLocator(integer=True))
     named = [pair for axis in axes

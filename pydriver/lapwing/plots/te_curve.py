@@ -34,7 +34,9 @@ def draw(te, gear_pair=None):
             axis.axvline(phase, color=style.VERMILION, linewidth=1.0, linestyle=(0, (5, 3)))
         axis.axvspan(-BEYOND, 0, color="0.95", linewidth=0, zorder=0)
         axis.axvspan(1, 1 + BEYOND, color="0.95", linewidth=0, zorder=0)
-    if len(kinks) <= FEW_KNOTS:
+    if te.attrs.get("curve", "samples") != "samples":
+        pass  # of a fitted curve the knots are of the program's own making: figure `te_fit`
+    elif len(kinks) <= FEW_KNOTS:
         _knots(axes, te)
     else:
         axes[0].plot(knots, np.full(knots.size, 0.03), linestyle="", marker="|", markersize=7,
@@ -49,6 +51,8 @@ def _labels(figure, axes, te):
     count, kinks = te["kinks"].size, int(te["kinks"].sum())
     span = style.URAD * float(te.attrs["peak_to_peak"])
     pieces = f"{count} polynomial {'pieces' if count > 1 else 'piece'}"
+    if te.attrs.get("curve", "samples") != "samples":
+        pieces = f"orders to {int(te.attrs['curve_order'])}"
     axes[0].set_title(f"(a) transmission error: {span:.4g} µrad peak to peak, {pieces}, "
                       f"{kinks or 'no'} {'kink' if kinks == 1 else 'kinks'}")
     axes[1].set_title("(b) slope" + ("; ○ left and ● right of a kink" if kinks else ""))
@@ -59,7 +63,8 @@ def _labels(figure, axes, te):
     for axis in axes:
         style.arcsec_scale(axis)
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+    if labels:
+        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
     figure.suptitle(_short(f"transmission error: {te.attrs['source']}"))
 
 

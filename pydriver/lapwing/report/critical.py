@@ -67,6 +67,8 @@ def headline(critical):
     if has_interval(attrs) and not bar.startswith("±"):
         return f"{_meaning(critical)} {_name(critical)} {value} {_unit(critical)}: {bar}"
     bar = f" {bar}" * bar.startswith("±")
+    if attrs.get("curve") == "samples":
+        bar = " (samples used raw)"
     return f"{_meaning(critical)} {_name(critical)} {value}{bar} {_unit(critical)}".rstrip()
 
 
@@ -96,8 +98,9 @@ def _cells(critical):
     if attrs["find"] in ("full", "on"):
         if has_interval(attrs):
             return value_and_interval(attrs)
-        raw = ", samples used raw" * (attrs.get("curve") == "samples")
-        return f"{attrs['estimate']:.12g}", "rounding" + raw
+        if attrs.get("curve") == "samples":
+            return f"{attrs['estimate']:.6g}", "not known: samples used raw"
+        return f"{attrs['estimate']:.12g}", "rounding"
     if attrs["find"] == "back":
         return f"{attrs['last_seen']:g}", f"none seen at the next, {attrs['first_clean']:g}"
     if not search_bounded(critical):
@@ -166,12 +169,11 @@ def _full(critical):
     how = "closed form" if "scan_from" not in attrs else \
         f"scan of {attrs['scan_values']} values from {attrs['scan_from']:g}, then solved"
     side, other = _sides(critical)
-    value = value_and_interval(attrs)[0] if has_interval(attrs) else f"{attrs['estimate']:.12g}"
-    how += ", to rounding" * (not has_interval(attrs))
-    return (f"**{_name(critical)} {value} {_unit(critical)}** ({how}): {side} it contact *can* be "
-            f"kept, by the engaged motion; just {other} it, contact is lost first at mesh phase "
-            f"{attrs['phase']:.9f}. Other motions may rattle beside the engaged one: this search "
-            "does not look for them.")
+    how += ", to rounding" * ("curve" not in attrs)
+    return (f"**{_name(critical)} {_cells(critical)[0]} {_unit(critical)}** ({how}): {side} it "
+            f"contact *can* be kept, by the engaged motion; just {other} it, contact is lost first "
+            f"at mesh phase {attrs['phase']:.9f}. Other motions may rattle beside the engaged one: "
+            "this search does not look for them.")
 
 
 def _on(critical):
@@ -183,10 +185,10 @@ def _on(critical):
         return _throughout(critical, "a rigid tooth stays on the flank",
                            "a rigid tooth leaves the flank")
     side, other = _sides(critical)
-    return (f"**{_name(critical)} {_cells(critical)[0]} {_unit(critical)}** (F = max g'', to "
-            f"rounding): {side} it a rigid tooth that rests on the drive flank stays there; just "
-            f"{other} it, the tooth leaves first at mesh phase {attrs['phase']:.9f}. Bouncing may "
-            "exist beside it.")
+    return (f"**{_name(critical)} {_cells(critical)[0]} {_unit(critical)}** (F = max g''"
+            + ", to rounding" * ("curve" not in attrs) + f"): {side} it a rigid tooth that rests "
+            f"on the drive flank stays there; just {other} it, the tooth leaves first at mesh "
+            f"phase {attrs['phase']:.9f}. Bouncing may exist beside it.")
 
 
 def _throughout(critical, good, bad):

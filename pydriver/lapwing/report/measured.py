@@ -52,8 +52,8 @@ def warnings(attrs):
     share, above = attrs.get("high_order_share", math.nan), attrs.get("high_order_above", 0)
     if share > SHARE_THAT_DECIDES and attrs["curve"] == "samples":
         found.append(
-            f"**The noise may decide**: {_percent(share)} of the force that contact needs rests on "
-            f"what the samples hold above order {above}; fit a curve (`harmonics`, `smoothing`).")
+            "**The noise may decide**: a smoothing spline of the same samples moves the force that "
+            f"contact needs by {_percent(share)}; fit a curve (`harmonics`, `smoothing`).")
     elif share > SHARE_THAT_DECIDES:
         found.append(
             f"**The highest orders decide**: {_percent(share)} of the force that contact needs "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -21,8 +22,6 @@ from lapwing.studies.sweep.run import oscillator_at
 
 # Draws where each of many values needs its own bounds.
 _FEWER_DRAWS = 199
-# Orders that a table used raw is compared with: those up to half of what its rows resolve.
-_RAW_SHARE, _RAW_ORDERS = 4, 50
 
 DESCRIPTIONS = {
     "fit_order": ("1", "highest order of the curve fitted to the samples"),
@@ -70,8 +69,8 @@ def high_orders(deck, osc):
 
     Returns
     -------
-    dict of curve ('harmonics', 'smoothing', 'samples'), high_order_share (NaN: not known) and
-    high_order_above; empty where the table is none of samples
+    dict of curve ('harmonics', 'smoothing', 'samples'), high_order_share (NaN: not known) and, of a
+    fit, high_order_above; empty where the table is none of samples
     """
     curve, table = deck.curve, deck.te_table
     if curve is not None:
@@ -79,21 +78,22 @@ def high_orders(deck, osc):
         return {"curve": curve.method, "high_order_share": share, "high_order_above": above}
     if not table.sampled:
         return {}
-    return {"curve": "samples", **raw_orders(osc, *table.samples())}
+    return {"curve": "samples", "high_order_share": raw_share(osc, *table.samples())}
 
 
-def raw_orders(osc, phase, value, kinks):
-    """The same of samples used raw: how much of the force the upper half of their orders makes."""
-    above = min(phase.size // _RAW_SHARE, _RAW_ORDERS)
+def raw_share(osc, phase, value, kinks):
+    """How much of the force that raw samples lead to a smoothing spline takes away; NaN: unknown.
+
+    Of exact samples next to nothing.
+    """
     force = needed_force(osc)[0]
     try:
-        lower = fit_curve(phase, value, kinks, harmonics=max(above, 1)).te
-    except ValueError:
-        return {"high_order_share": np.nan, "high_order_above": above}
-    without = needed_force(replace(osc, te=lower))[0]
-    known = np.isfinite(force) and np.isfinite(without) and force != 0
-    return {"high_order_share": abs(force - without) / abs(force) if known else np.nan,
-            "high_order_above": above}
+        smooth = fit_curve(phase, value, kinks).te
+    except ValueError:  # too few samples, or too uneven
+        return math.nan
+    without = needed_force(replace(osc, te=smooth))[0]
+    known = math.isfinite(force) and math.isfinite(without) and force != 0
+    return abs(force - without) / abs(force) if known else math.nan
 
 
 def interval(deck, find, parameter, operation, values=None, safe_end="high"):
