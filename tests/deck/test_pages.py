@@ -39,7 +39,7 @@ def test_examples_of_the_page_load(tmp_path):
     shipped = (ROOT / "inputs" / "te_25x32.csv").read_text(encoding="utf-8")
     (tmp_path / "te_25x32.csv").write_text(shipped, encoding="utf-8")
     path = tmp_path / "deck.nml"
-    ranges = f"&sweep name = 'b' parameter = 'brake_torque' {blocks[3]} /"
+    ranges = f"&sweep name = 'b' parameter = 'brake_torque' {blocks[4]} /"
     path.write_text("\n".join([*blocks[:2], ranges]), encoding="utf-8")
     deck = load_deck(path)
     assert len(deck.sweeps[0].values) == 691 and len(deck.sweeps[1].values) == 301
@@ -47,6 +47,17 @@ def test_examples_of_the_page_load(tmp_path):
     deck = load_deck(path)
     assert not deck.warnings and [one.name for one in deck.responses] == ["from_rest",
                                                                           "from_mid_gap"]
+    fits = blocks[3].strip().splitlines()
+    rows = "".join(f"{i / 20},{i % 5},0\n" for i in range(20))
+    (tmp_path / "measured.csv").write_text(
+        "phase,transmission_error[urad],kink\n" + rows, encoding="utf-8")
+    for fit in fits:
+        path.write_text(re.sub("&transmission_error.*", fit, blocks[2]), encoding="utf-8")
+        assert load_deck(path).curve.method in fit
+    assert len(fits) == 2
+    (tmp_path / "measured.csv").write_text(table, encoding="utf-8")
+    path.write_text(blocks[2], encoding="utf-8")
+    deck = load_deck(path)
     # What the page says of this pair: ξ = 0.047, one period is 24° of pinion rotation.
     assert round(deck.gear_pair.xi, 3) == 0.047
     assert deck.te.knots.tolist() == pytest.approx([0, 5 / 24, 12 / 24, 18.5 / 24, 1])

@@ -113,10 +113,10 @@ def test_repeats_lie_about_the_curve():
 
 
 @pytest.mark.parametrize(("change", "text"), [
-    ({"harmonics": 29}, "29 orders and 0 kinks need at least 62 samples, there are 60"),
+    ({"harmonics": 29}, "harmonics to order 29 need at least 62 samples, there are 60"),
     ({"phase": PHASE[:-1]}, "equally long"), ({"phase": PHASE[::-1]}, "ascend strictly"),
     ({"kinks": 2 * KINK}, "0 or 1"), ({"noise_level": -1.0}, "noise_level"),
-    ({"harmonics": 0}, "harmonics"), ({"phase": PHASE / 20, "harmonics": 6}, "leave gaps")])
+    ({"harmonics": 0}, "harmonics"), ({"phase": PHASE / 20, "harmonics": 6}, "with such gaps")])
 def test_what_cannot_be_fitted_is_refused(change, text):
     given = {"phase": PHASE, "value": curve("smooth"), "kinks": NO_KINK, **change}
     with pytest.raises(ValueError, match=text):

@@ -83,7 +83,9 @@ def test_forces_by_order_are_those_of_such_fits():
     assert table["order"].tolist() == list(range(1, 17))
     for order in (1, 4, 9):
         one = fit_curve(PHASE, fit.value, harmonics=order)
-        assert table["force"][order - 1] == needed_force(oscillator(one.te))[0]
+        # Half a step of 1/1536 of a period off the peak, as above, at the highest order here.
+        assert table["force"][order - 1] == pytest.approx(
+            needed_force(oscillator(one.te))[0], rel=6e-4)
     assert int(table["order"][np.argmin(table["gcv"])]) == 2
     assert np.all(table["low"] <= table["force"]) and np.all(table["force"] <= table["high"])
 

@@ -42,14 +42,13 @@ def design(phase, kinks, order):
 
 def fit_problem(phase, kinks, order):
     """Why `order` harmonics cannot be fitted to samples at `phase`, or None."""
-    unknown = 1 + len(kinks) + 2 * order
+    unknown, many = 1 + len(kinks) + 2 * order, len(kinks)
+    what = f"harmonics to order {order}" + f" and {many} kink{'s' * (many != 1)}" * bool(many)
     if phase.size < unknown + LEAST_FREEDOM:
-        return (f"{order} orders and {len(kinks)} kinks need at least {unknown + LEAST_FREEDOM} "
-                f"samples, there are {phase.size}")
+        return f"{what} need at least {unknown + LEAST_FREEDOM} samples, there are {phase.size}"
     values = np.linalg.svd(design(phase, kinks, order), compute_uv=False)
     if values[-1] < _DISTINCT * values[0]:
-        return (f"the samples leave gaps in which {order} orders"
-                + f" and {len(kinks)} kinks" * bool(len(kinks)) + " cannot be told apart")
+        return f"{what} cannot be told apart from samples with such gaps between them"
     return None
 
 

@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 
 from lapwing.model.curve.basis import LeastSquares, curve_of, fit_problem
-from lapwing.model.curve.fit import CurveFit
 from lapwing.model.linear_response import critical_force, engaged_response
 from lapwing.model.rigid_contact import lift_off_force
 
@@ -73,16 +72,27 @@ def force_bounds(osc, fit, confidence=CONFIDENCE, draws=DRAWS):
         return ForceBounds(math.inf, math.inf, math.inf, phase)
     if fit.noise == 0:
         return ForceBounds(force, force, force, phase)
-    columns = -_responses(osc, fit.kinks, fit.wide.order)
+    responses = _responses(osc, fit.kinks, fit.wide.order)
+    wide = force if fit.method == "harmonics" else needed_force(replace(osc, te=fit.te_wide))[0]
+    low, _, high = _bounds(fit, responses, confidence, draws, wide)
+    return ForceBounds(max(min(low, force), 0.0), force, max(high, force), phase)
+
+
+def _bounds(fit, responses, confidence, draws, exact=None):
+    """Bounds of the largest value at the phases of `responses`, and that value.
+
+    `exact` is the largest value of all phases, where it is known.
+    """
+    columns = -responses[:, :fit.wide.coefficients.size]
     middle = columns @ fit.wide.coefficients
-    # The phases between those looked at.
-    middle += needed_force(replace(osc, te=fit.te_wide))[0] - middle.max()
-    error = fit.noise * np.sqrt(np.sum((columns @ fit.wide.root) ** 2, axis=1))
+    if exact is not None:
+        middle += exact - middle.max()
+    error = fit.noise * np.linalg.norm(columns @ fit.wide.root, axis=1)
     deviations, scale = fit.deviations(draws)
     low, high = largest_value_bounds(middle, error, columns @ deviations / scale, confidence,
                                      fit.phase.size,
                                      math.inf if fit.noise_stated else fit.wide.freedom)
-    return ForceBounds(max(min(low, force), 0.0), force, max(high, force), phase)
+    return low, float(middle.max()), high
 
 
 def largest_value_bounds(middle, error, deviations, confidence, samples, freedom):
@@ -123,15 +133,15 @@ def _responses(osc, kinks, order):
     ratio = osc.mesh_frequency_ratio
     turns = max(order, min(1 / ratio, _MOST_PHASES) if len(kinks) else 1)
     count = min(max(_LEAST_PHASES, math.ceil(_PER_TURN * turns)), _MOST_PHASES)
-    phase = np.arange(count) / count
+    phase = np.union1d(np.arange(count) / count, kinks)  # where the response has a corner
     square = (np.arange(1, order + 1) * ratio) ** 2
     rigid = osc.contact_law == "rigid"
     gain = square if rigid else square / (
         1 - square + 2j * osc.damping_ratio * np.sqrt(square))
     wave = osc.flank_scale * gain * np.exp(
         2j * np.pi * np.multiply.outer(phase, np.arange(1, order + 1)))
-    waves = np.stack([wave.real, wave.imag], axis=-1).reshape(count, -1)
-    return np.column_stack([np.zeros(count), *(
+    waves = np.stack([wave.real, wave.imag], axis=-1).reshape(phase.size, -1)
+    return np.column_stack([np.zeros(phase.size), *(
         _kink_response(osc, at, phase) for at in kinks), waves])
 
 
@@ -145,21 +155,25 @@ def _kink_response(osc, at, phase):
 def forces_by_order(osc, fit):
     """Critical force against the highest order of an unsmoothed fit of the same samples.
 
+    The force is the largest value at phases so close that 0.05 % of its highest order is missed.
+
     Returns
     -------
     dict of arrays (n,): order; low, force, high (rad); noise (rad) that the residuals show; gcv
     (rad²), generalised cross-validation
     """
-    rows = []
-    for order in range(1, max(MOST_TABLED, min(fit.wide.order + 4, 2 * MOST_TABLED)) + 1):
+    most = max(MOST_TABLED, min(fit.wide.order + 4, 2 * MOST_TABLED))
+    responses, rows = _responses(osc, fit.kinks, most), []
+    for order in range(1, most + 1):
         if fit_problem(fit.phase, fit.kinks, order):
             break
         wide = LeastSquares.of(fit.phase, fit.value, fit.kinks, order)
-        one = CurveFit(fit.phase, fit.value, fit.kinks, "harmonics", order, wide.coefficients,
-                       wide, fit.noise if fit.noise_stated else wide.noise, fit.noise_stated,
-                       1.0 + fit.kinks.size + 2 * order, fit.te_sign_hint)
-        low, force, high, _ = force_bounds(osc, one, draws=_TABLE_DRAWS)
-        rows.append((order, low, force, high, wide.noise, wide.gcv))
+        one = replace(fit, method="harmonics", order=order, coefficients=wide.coefficients,
+                      wide=wide, noise=fit.noise if fit.noise_stated else wide.noise)
+        low, force, high = _bounds(one, responses, CONFIDENCE, _TABLE_DRAWS) if one.noise else \
+            [float(np.max(-responses[:, :wide.coefficients.size] @ wide.coefficients))] * 3
+        rows.append((order, max(min(low, force), 0.0), force, max(high, force), wide.noise,
+                     wide.gcv))
     names = ("order", "low", "force", "high", "noise", "gcv")
     return dict(zip(names, map(np.array, zip(*rows, strict=True)), strict=True))
 

@@ -151,7 +151,8 @@ def with_repeats(found, deck, study, search, done=None):
     Returns
     -------
     xarray.Dataset with repeat_value over `repeat` (NaN: none found in the range) and the
-    attributes low and high, `interval.repeat_interval`; as it was where there are no repeats
+    attributes low and high, `interval.repeat_interval` and half a bracket on either side; as it was
+    where there are no repeats
     """
     many = _repeats(deck, study)
     if not many:
@@ -161,8 +162,9 @@ def with_repeats(found, deck, study, search, done=None):
         told = done and (lambda fraction, i=i: done((1 + i + fraction) / (1 + many)))
         values[i] = search(te, told).attrs["estimate"]
     low, high = repeat_interval(found.attrs["estimate"], values)
+    bar = found.attrs["bar"]  # what lies within a bracket is not told apart
     return _described(found.assign(repeat_value=("repeat", values)).assign_attrs(
-        low=low, high=high, confidence=CONFIDENCE, curve=deck.curve.method))
+        low=low - bar, high=high + bar, confidence=CONFIDENCE, curve=deck.curve.method))
 
 
 def _described(dataset):

@@ -1,0 +1,53 @@
+"""The motion of a response on other curves that samples with the same noise might give."""
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from lapwing.deck import load_deck
+from lapwing.engine import Numerics
+from lapwing.studies.of_deck import compute
+from lapwing.studies.response.run import motion_of
+
+DECK = Path(__file__).parents[2] / "deck" / "accepted" / "measured.nml"
+
+
+def silent(*_):
+    return lambda fraction: None
+
+
+def alone(tmp_deck):
+    """The deck with its response alone."""
+    tmp_deck.criticals, tmp_deck.sweeps = (), ()
+    return tmp_deck
+
+
+def test_classes_are_those_of_the_runs_on_the_repeats():
+    deck = alone(load_deck(DECK))
+    data = compute(deck, 1, silent).responses["a"]
+    classes = [str(one) for one in data["repeat_class"].values]
+    words = ", ".join(f"{name} on {count}" for name, count in sorted(
+        Counter(classes).items(), key=lambda item: (-item[1], item[0])))
+    assert data.attrs["repeat_classes"] == words and data.attrs["curve_repeats"] == 40
+    study = deck.responses[0]
+    for i in (0, 39):
+        osc = deck.gear_pair.oscillator(deck.curve.repeats(40)[i], **study.operation)
+        motion = motion_of(osc, deck.gear_pair, start="rest", phase=0.0, settle_cycles=20,
+                           record_cycles=20, max_period=deck.numerics["max_period"],
+                           numerics=Numerics(**deck.numerics_of(study)))
+        assert motion.motion_class == classes[i]
+        assert motion.deepest_separation == data["repeat_deepest_separation"].values[i]
+    assert 0 <= data.attrs["deepest_separation_low"] <= data.attrs["deepest_separation"] \
+        <= data.attrs["deepest_separation_high"]
+
+
+def test_the_motion_of_the_curve_itself_is_that_of_the_response():
+    deck = alone(load_deck(DECK, [("transmission_error.curve_repeats", "0")]))
+    data, study = compute(deck, 1, silent).responses["a"], deck.responses[0]
+    motion = motion_of(deck.oscillator(study), deck.gear_pair, start="rest", phase=0.0,
+                       settle_cycles=20, record_cycles=20, max_period=deck.numerics["max_period"],
+                       numerics=Numerics(**deck.numerics_of(study)))
+    assert motion.motion_class == data.attrs["motion_class"] and "repeat_class" not in data
+    assert np.array_equal([motion.impacts_per_cycle, motion.deepest_separation],
+                          [data.attrs["impacts_per_cycle"], data.attrs["deepest_separation"]])
