@@ -63,6 +63,18 @@ def test_the_spline_is_the_least_of_what_it_says():
     assert freedom == pytest.approx(np.trace(np.linalg.solve(normal, columns.T @ columns)))
 
 
+def test_the_jump_of_slope_has_less_bias_than_that_of_a_partial_spline():
+    """Samples without noise, smoothed as those with noise are: what is off is bias."""
+    order, log_penalty = 20, np.log(ROWS / 2 / 2.85**6)  # half of order 2.85 passes
+    spline = _Spline(PHASE, curve("kinked"), PHASE[:1], order)
+    speckman = spline.coefficients(log_penalty)[0][1] / (96 * ARCSEC) - 1
+    columns = design(PHASE, PHASE[:1], order)
+    roughness = np.append([0.0, 0.0], np.repeat(np.arange(1.0, order + 1) ** 6, 2))
+    normal = columns.T @ columns + np.exp(log_penalty) * np.diag(roughness)
+    partial = np.linalg.solve(normal, columns.T @ curve("kinked"))[1] / (96 * ARCSEC) - 1
+    assert abs(partial) > 0.05 and abs(speckman) < abs(partial) / 4
+
+
 def test_cross_validation_is_leaving_out_one_at_even_samples():
     """Without inflation and with equal leverages it is the mean square of what is left out."""
     value = samples("smooth", 1.0, 4)

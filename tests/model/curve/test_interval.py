@@ -15,7 +15,7 @@ from lapwing.model.curve.interval import (
     repeat_interval,
     share_of_high_orders,
 )
-from measured import KINK, NO_KINK, PHASE, TRUTH, curve, kinks, oscillator, samples
+from measured import ARCSEC, KINK, NO_KINK, PHASE, TRUTH, curve, kinks, oscillator, samples
 
 
 @pytest.mark.parametrize("law", ["restitution", "rigid"])
@@ -98,6 +98,15 @@ def test_the_share_of_the_highest_orders():
     assert share_of_high_orders(oscillator(noisy.te), noisy)[0] > 0.3
     few = fit_curve(PHASE, curve("smooth"), harmonics=2)
     assert np.isnan(share_of_high_orders(oscillator(few.te), few)[0])
+
+
+def test_an_order_below_the_noise_can_decide():
+    """What docs/method.md says of order 11, which meets the natural frequency."""
+    with_it = curve("smooth") + 0.05 * ARCSEC * np.cos(22 * np.pi * PHASE)
+    fit = fit_curve(PHASE, with_it, harmonics=11)
+    osc = oscillator(fit.te)
+    torque = needed_force(osc)[0] / osc.scales.force_per_torque
+    assert 4 < torque / TRUTH["smooth"] < 4.5
 
 
 def test_repeats_turned_round_the_estimate():
