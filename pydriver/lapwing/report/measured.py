@@ -157,3 +157,29 @@ def motion_words(attrs):
         if math.isfinite(attrs[f"{key}_low"]))
     return (f"On {plural(attrs['curve_repeats'], 'other curve')} that samples with the same noise "
             f"might give: {attrs['repeat_classes']}" + f"; {ranges} (95 %)" * bool(ranges) + ".")
+
+
+def noise_findings(criticals):
+    """What the noise of samples leaves of the torques found, for the findings.
+
+    Parameters
+    ----------
+    criticals : sequence of Dataset
+
+    Returns
+    -------
+    list of str, Markdown; empty where the transmission error is not measured
+    """
+    attrs = [one.attrs for one in criticals if one.attrs["parameter"] == "brake_torque"
+             and one.attrs["outcome"] == "found" and not int(one.attrs.get("own_operation", 0))]
+    names = {"full": "T_full", "on": "T_on", "safe": "T_safe"}
+    found = [f"{names[one['find']]} {value_and_interval(one)[1]}" for one in attrs
+             if has_interval(one)]
+    if found:
+        return ["**The noise of the measured transmission error leaves** "
+                + ", ".join(found).replace(" (95 %, noise of the samples)", " N·m")
+                + " (95 %): choose by the upper ends."]
+    if any(one.get("curve") == "samples" for one in attrs):
+        return ["**The samples of the transmission error are used raw**: how far their noise moves "
+                "these torques is not known."]
+    return []

@@ -16,6 +16,7 @@ from lapwing.report.answers.besides import besides
 from lapwing.report.answers.evidence import failures, looks, together
 from lapwing.report.answers.limits import MOST, at_least, at_most, bands
 from lapwing.report.critical import REASONS
+from lapwing.report.measured import noise_findings
 from lapwing.report.numbers import doubtful
 from lapwing.report.words import UNITS, plural
 from lapwing.results.findings import START_NAMES, known, names, rattles
@@ -39,7 +40,7 @@ def findings(responses, criticals, sweeps, missing=()):
     """
     stopped = _stopped(sweeps, missing)
     torque = _Torque(responses, criticals, sweeps)
-    answers = [*torque.sentences(), *besides(criticals, sweeps)]
+    answers = [*torque.sentences(), *noise_findings(criticals), *besides(criticals, sweeps)]
     if not answers:
         return [*stopped, "**Nothing is known**: no run has a result."]
     return [*stopped, *answers, *torque.failures()]

@@ -163,8 +163,8 @@ def motion_of(osc, pair, *, start, phase, settle_cycles, record_cycles, max_peri
     """The motion of a response alone: one run, nothing kept. Arguments as of `response`."""
     grid, _ = sample_phases(osc, 8)
     start = checked_start(osc, start, phase)
-    recording = _record(osc, (*engine_start(osc, start), phase),
-                        (settle_cycles + (phase > 0), record_cycles), grid, numerics)
+    recording = recorded(osc, (*engine_start(osc, start), phase),
+                         (settle_cycles + (phase > 0), record_cycles), grid, numerics)
     outcome = _Outcome.of(osc, pair, recording, max_period)
     return Motion(recording.status, outcome.motion_class, outcome.number("impacts_per_cycle"),
                   outcome.number("deepest_separation"))
