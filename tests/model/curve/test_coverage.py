@@ -1,6 +1,6 @@
 """How often the 95 % interval of T_full holds the truth, over seeded repeats of a measurement.
 
-`python tests/model/curve/test_coverage.py` prints the table of docs/method.md, in ten minutes.
+`python tests/model/curve/test_coverage.py` prints the table of docs/method.md, in half an hour.
 """
 
 import sys
