@@ -23,6 +23,8 @@ DECKS = {
     "smooth_1500rpm": "A smooth transmission error of three harmonics at 1500 rpm: coexisting "
                       "motions.",
     "kinked_480rpm": "The textbook parabola with one kink at 480 rpm.",
+    "drifting_25x32": "Both wheels as bodies, driven harder than the brake holds: the mean speed "
+                      "rises while the teeth rattle.",
     "speed_compliant": "The same smooth transmission error without restitution, over the speed: "
                        "the classical resonance of gear rattle.",
     "minimal": "The shortest deck.",
@@ -41,6 +43,7 @@ FIGURES = {
                        "that is left.",
     "te_curve": "Transmission error with its knots, slopes and kinks.",
     "history": "Time history of displacement, mesh force and impacts.",
+    "shaft_motion": "Mean speed of both wheels, and each shaft's speed about it.",
     "phase_portrait": "Phase portrait, with the engaged part magnified.",
     "impact_section": "Phase and speed of each impact.",
     "spectrum": "Order spectrum of displacement, mesh force and dynamic transmission error.",

@@ -121,6 +121,10 @@ class SceneKeys(Group):
         "θ0 is half of the play: at 0 and -2·θ0; 'one_flank': the drive flank alone")
     back_flank_te: bool = key(True, "whether the coast flank moves with the transmission error, "
                               "too")
+    degrees_of_freedom: int = key(
+        1, "1: the relative angle of the wheels; 2: their mean rotation as well, which a "
+        "drive_torque other than the balance speeds up or slows down (docs/model.md, section 11; "
+        "not with contact_law 'rigid', nor with method 'exact')", ge=1, le=2)
 
 
 class NumericsKeys(Group):

@@ -23,6 +23,8 @@ NEEDED = {"staircase": "motion_class", "amplitudes": "dynamic_te_rms",
           "waterfall": "order_spectrum"}
 CRITICAL_FIGURE = "critical_search"
 RESPONSE_FIGURES = ("history", "phase_portrait", "impact_section", "spectrum")
+# ... and of one with two degrees of freedom.
+SHAFT_FIGURE = "shaft_motion"
 TE_FIGURE = "te_curve"
 
 
@@ -81,6 +83,8 @@ def tasks_of(results):
               if "trial" in results.critical(name).dims),  # a closed form has nothing to show
             *(Task(f"{module}_{name}", module, "response", name)
               for name in results.responses for module in RESPONSE_FIGURES),
+            *(Task(f"{SHAFT_FIGURE}_{name}", SHAFT_FIGURE, "response", name)
+              for name in results.responses if "pinion_speed" in results.response(name)),
             Task(TE_FIGURE, TE_FIGURE, "transmission_error")]
 
 
@@ -159,7 +163,7 @@ def figure_module(figure):
     ----------
     figure : str, such as 'orbit_diagram'
     """
-    rooms = {"sweep.": SWEEP_FIGURES, "response.": RESPONSE_FIGURES}
+    rooms = {"sweep.": SWEEP_FIGURES, "response.": (*RESPONSE_FIGURES, SHAFT_FIGURE)}
     room = next((room for room, figures in rooms.items() if figure in figures), "")
     return import_module(f"lapwing.plots.{room}{figure}")
 

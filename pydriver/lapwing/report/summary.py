@@ -209,8 +209,8 @@ def _paragraph(attrs):
         if attrs["deepest_back_penetration"] > 0:
             sentences.append("The coast flank is pressed in by up to "
                              f"{value_words(attrs, 'deepest_back_penetration', 1e6)} µrad.")
-    sentences += [_times_of_states(attrs), stability_sentence(attrs), _force_sentence(attrs),
-                  _comparison(attrs), _trust(attrs), f"({run}.)"]
+    sentences += [_times_of_states(attrs), _speed_sentence(attrs), stability_sentence(attrs),
+                  _force_sentence(attrs), _comparison(attrs), _trust(attrs), f"({run}.)"]
     return " ".join(sentence for sentence in sentences if sentence)
 
 
@@ -250,6 +250,18 @@ def _times_of_states(attrs):
         ("back_engaged", "on the coast flank"))]
     return "The teeth are " + ", ".join(f"{100 * share:.3g} % of the time {words}"
                                         for share, words in shares if share > 0) + "."
+
+
+def _speed_sentence(attrs):
+    """Mean speed of a response with two degrees of freedom."""
+    if "mean_speed_last" not in attrs:
+        return ""
+    first, last = (attrs[f"mean_speed_{end}"] for end in ("first", "last"))
+    if attrs["mean_acceleration"] == 0:
+        return f"The mean speed of the pinion is {last:.6g} rad/s throughout (torques in balance)."
+    return (f"The torques are not in balance: the mean speed of the pinion goes from {first:.6g} "
+            f"to {last:.6g} rad/s while it is recorded ({attrs['mean_acceleration']:+.4g} rad/s²); "
+            f"the mesh is that of the nominal {attrs['nominal_speed']:.6g} rad/s all the time.")
 
 
 def _motion_sentence(attrs):

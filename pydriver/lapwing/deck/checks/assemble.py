@@ -268,11 +268,19 @@ class Studies:
         if not complete:
             return None
         try:
-            return pair.oscillator(self._te, **operation)
+            oscillator = pair.oscillator(self._te, **operation)
+            self._check_method(oscillator)
+            return oscillator
         except (ValueError, ArithmeticError) as error:
             readers = [*(self._models[name] for name in self._models), reader]
             _relay(error, readers, self._report)
         return None
+
+    def _check_method(self, oscillator):
+        numerics = self._settings["numerics"]
+        if numerics and numerics.method == "exact" and oscillator.degrees_of_freedom == 2:
+            raise ValueError("method = 'exact' goes with degrees_of_freedom = 1, expected 'rk4' or "
+                             "'auto'")
 
     def _complete(self, reader, operation):
         where = self._models["operation"].place if "operation" in self._models else reader.place

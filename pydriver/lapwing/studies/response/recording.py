@@ -9,12 +9,14 @@ import numpy as np
 from lapwing import engine
 from lapwing.base.codes import Status
 from lapwing.engine import TrajectoryCall, Wanted, unknown
-from lapwing.engine.records import CYCLE_TABLE, EVENT_TABLE, SAMPLE_TABLE
+from lapwing.engine.records import CYCLE_TABLE, EVENT_TABLE, MEAN_TABLE, SAMPLE_TABLE
 
 
 @dataclass(frozen=True)
 class Recording:
     """Tables of events (n,), cycles (count,), samples (count·grid + 1,); the phases sampled.
+
+    `means` are Θ and Θ' of the cycles and of the samples, None with one degree of freedom.
 
     Cycles are counted from the first recorded one; the last sample is the end of the last cycle.
     """
@@ -24,6 +26,7 @@ class Recording:
     events: np.ndarray
     cycles: np.ndarray
     samples: np.ndarray
+    means: tuple = (None, None)
     tangent: np.ndarray | None = None
 
 
@@ -47,12 +50,15 @@ def recorded(osc, start, span, grid, numerics, exponents=False):
         call.run((first + count + 1, 0.0), np.vstack([times, (first + count, 0.0)]))
         status = call.status
     if status != Status.OK:
+        means = [unknown(MEAN_TABLE, n) if osc.mean_rotation else None
+                 for n in (count, len(times) + 1)]
         return Recording(status, grid, unknown(EVENT_TABLE, 0), unknown(CYCLE_TABLE, count),
-                         unknown(SAMPLE_TABLE, len(times) + 1))
+                         unknown(SAMPLE_TABLE, len(times) + 1), means)
     kept = [(table["cycle"] >= first) & (table["cycle"] < first + count)
             for table in (call.events, call.cycles)]
     events, cycles = call.events[kept[0]], call.cycles[kept[1]]
     for table in (events, cycles):
         table["cycle"] -= first
-    return Recording(status, grid, events, cycles, call.samples,
+    means = (call.cycle_means[kept[1]] if osc.mean_rotation else None, call.sample_means)
+    return Recording(status, grid, events, cycles, call.samples, means,
                      call.tangent[kept[1]] if exponents else None)

@@ -25,6 +25,7 @@ from lapwing.engine.records import (
     EVENT,
     SAMPLE,
 )
+from lapwing.studies import mean_rotation
 from lapwing.studies.intervals import mean_interval
 from lapwing.studies.period import MAX_PERIOD, find_period, motion_class
 from lapwing.studies.response import motion
@@ -93,7 +94,9 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
         with the rigid law), dynamic_te (θ, rad).  Over `event`: event_time, event_phase, …,
         velocity_before, velocity_after (rad per τ), impact_energy (J lost; NaN for what is no
         impact).  Over `cycle`: cycle_*, the columns of `simulate`, forces (N; peak: largest
-        magnitude) and impact energy (J).  Cycles are counted from the first recorded one.  The
+        magnitude) and impact energy (J).  With two degrees of freedom pinion_angle, gear_angle
+        (rad ahead of the nominal rotation), pinion_speed, gear_speed and cycle_mean_speed (of the
+        pinion; rad/s).  Cycles are counted from the first recorded one.  The
         numbers of the summary are attributes.  A run that fails numerically has its `status`,
         no events and NaN everywhere else (-1 in whole numbers).
 
@@ -133,6 +136,7 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
     given = {key: value for key, value in settings.items() if value is not None}
     return _dataset(osc, pair, main, stored).assign_attrs(
         given | motion.law_attributes(osc) | _findings(main, reference)
+        | mean_rotation.attributes(osc, main.recording.means[1])
         | motion.impact_attributes(osc, pair, main.recording.events, main.number("mesh_force_peak"))
         | motion.motion_attributes(osc, main.recording, main.period, max_period, numerics))
 
@@ -253,7 +257,8 @@ def _dataset(osc, pair, outcome, stored):
     second = osc.period / pair.natural_frequency
     parts = {"sample": _sample_columns(osc, pair, outcome.recording, stored, second),
              "event": _event_columns(pair, outcome.recording, osc.period, second),
-             "cycle": _cycle_columns(outcome)}
+             "cycle": {**_cycle_columns(outcome),
+                       **mean_rotation.by_cycle(osc, outcome.recording.means[0])}}
     return xr.Dataset({key: (dim, values) for dim, columns in parts.items()
                        for key, values in columns.items()})
 
@@ -271,9 +276,13 @@ def _sample_columns(osc, pair, recording, stored, second):
     if osc.contact_law == "rigid":
         force = force * np.nan
     state = np.full(state.size, -1) if failed else state
+    means = recording.means[1]
+    at = np.add.outer(np.arange(record) * recording.grid.size, stored).ravel()
     return {"time": (cycle + phase) * second, "phase": phase, "cycle": cycle.astype(np.int32),
             "motion_state": state.astype(np.int8), "phi": phi, "phi_dot": phi_dot,
-            "mesh_force": force, "dynamic_te": phi + g}
+            "mesh_force": force, "dynamic_te": phi + g,
+            **mean_rotation.shafts(osc, phi + g, phi_dot + slope,
+                                   means if means is None else means[at])}
 
 
 def _event_columns(pair, recording, period, second):

@@ -17,6 +17,7 @@ from lapwing.engine import Numerics, Wanted, columns, numbers, work_counts
 from lapwing.engine.records import CYCLE, STROBED
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.transmission_error import TransmissionError
+from lapwing.studies import mean_rotation
 from lapwing.studies.period import find_period, motion_class
 from lapwing.studies.stability import CycleMaps, findings, growth
 
@@ -34,7 +35,8 @@ UNITS = {"phi": "rad", "phi_dot": "rad per tau", "deepest_separation": "rad",
          "impact_velocity": "rad per tau", "lyapunov_exponent": "per tau",
          "lyapunov_exponent_error": "per tau", "second_lyapunov_exponent": "per tau",
          "lyapunov_exponent_per_cycle": "per mesh cycle", "speed_edge": "rad per tau",
-         "impact_speed_density": "per mesh cycle", "slow_impacts": "per mesh cycle"}
+         "impact_speed_density": "per mesh cycle", "slow_impacts": "per mesh cycle",
+         "mean_speed": "rad/s"}
 PARAMETER_UNITS = {"brake_torque": "N m", "drive_torque": "N m", "pinion_speed_rpm": "rev/min",
                    "pinion_speed_rad_s": "rad/s", "mesh_frequency_hz": "Hz",
                    "pinion_base_lever": "m", "mesh_stiffness": "N/m", "backlash": "rad",
@@ -187,6 +189,7 @@ def _dataset(result, oscillators, parameter, values, starts, wanted, phase, attr
         data["period"] = (by_point, _periods(tables, oscillators))
         data["motion_class"] = (by_point, _classes(tables, data["period"][1], data["status"][1],
                                                    oscillators[0].contact_law))
+    data |= mean_rotation.by_point(oscillators, result.cycle_means, shape, by_point)
     if wanted.tangent:
         data |= _stability(result, tables, data["period"][1], oscillators, by_point)
     if wanted.impacts:
