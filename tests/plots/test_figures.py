@@ -130,8 +130,8 @@ def test_critical_values_are_marked_on_a_sweep(results):
         for one, two in list(zip(plain.axes, marked.axes, strict=True))[:panels]:
             assert len(two.patches) - len(one.patches) == 2  # T_full has its line already
         words = set(texts(marked)) - set(texts(plain))
-        assert any("last seen at 0.7, none at 0.9" in one for one in words)
-        assert any(re.search(r"T_safe = 12\.\d+ ± 0\.\d+: no rattling seen above", one)
+        assert any("last seen at 0.7, none at 0.9 N·m" in one for one in words)
+        assert any(re.search(r"T_safe = 12\.\d+ ± 0\.\d+ N·m: no rattling seen above", one)
                    for one in words)
 
 
@@ -174,7 +174,7 @@ def test_a_sweep_shows_the_critical_torque_and_the_claims(results):
     claims = plots._claims(results, "torque")
     assert len(claims) == 1 and claims[0].impacts == 3 and claims[0].value == 1.8
     figure = draw("orbit_diagram", results.sweep("torque"), results.gear_pair, claims=claims)
-    assert any("T_full = 11.917" in text for text in texts(figure))
+    assert any("T_full = 11.92 N·m" in text for text in texts(figure))
     figure = draw("deepest_separation", results.sweep("torque"), results.gear_pair)
     assert any("source: 630 µrad" in text for text in texts(figure))
     markers = [line for line in figure.axes[0].lines if line.get_marker() == "D"]

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lapwing.plots import style
+from lapwing.plots.sweep import parts as sweep_parts
 from lapwing.results.findings import search_bounded, search_known
 
 SYMBOLS = {"full": "T_full", "safe": "T_safe", "back": "T_back", "on": "T_on"}
@@ -70,13 +71,16 @@ def label_of(critical):
     if not search_bounded(critical):
         limit = "at most" if attrs["safe_end"] == "high" else "at least"
         return f"{name} {limit} {attrs['clean']:g}, motions failed beyond"
+    unit = sweep_parts.unit_of(attrs["parameter"])
     if attrs["find"] == "back":
-        return f"last seen at {attrs['last_seen']:g}, none at {attrs['first_clean']:g}"
+        return f"last seen at {attrs['last_seen']:g}, none at {attrs['first_clean']:g} {unit}"
     noise = f" ({attrs['low']:.3g} to {attrs['high']:.3g}, 95 %)" if "low" in attrs else ""
     if attrs["bar"] > 0:
         places = max(0, 1 - int(np.floor(np.log10(attrs["bar"]))))
-        return f"{name} = {attrs['estimate']:.{places}f} ± {attrs['bar']:.2g}{noise}"
-    return f"{name} = {attrs['estimate']:.{3 if noise else 6}g}{noise}"
+        number = f"{attrs['estimate']:.{places}f} ± {attrs['bar']:.2g}"
+    else:
+        number = f"{attrs['estimate']:.{3 if noise else 4}g}"
+    return f"{name} = {number} {unit}".rstrip() + noise
 
 
 def draw_marks(axes, labelled, marks, x, drawn=None, heights=(0.55, 0.55)):

@@ -35,7 +35,7 @@ STATE_STYLES = {
 
 URAD = 1e6
 # Values mostly below this part of the largest would be a flat line on a linear axis.
-SMALL = 0.03
+SMALL = 0.05
 ARCSEC_PER_URAD = math.degrees(1) * 3600 * 1e-6
 
 # Points of a line or marker above which a PDF shows pixels in its place.

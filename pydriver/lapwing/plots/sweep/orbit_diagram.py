@@ -38,7 +38,7 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
     -------
     matplotlib.figure.Figure
     """
-    panels = {_section: 3.0, _impact_speeds: 2.4, _impacts: 1.6, _periods: 1.3}
+    panels = {_section: 3.0, _impact_speeds: 2.4, _impacts: 1.6, _periods: 1.7}
     if "impact_velocity" not in sweep or not arrivals_in(sweep.attrs).threshold:
         panels[_depths] = panels.pop(_impact_speeds)
         panels = {panel: panels[panel] for panel in (_section, _depths, _impacts, _periods)}
@@ -50,8 +50,10 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
     parameter = sweep_parts.parameter_of(sweep)
     sweep_parts.mark_full_engagement(
         axes, sweep_parts.full_engagement_of(sweep, full_engagement), axes[1], sweep)
+    # On a logarithmic scale the middle of the panel is where the motion passes the flank.
+    heights = (0.8, 0.12) if axes[0].get_yscale() == "symlog" else (0.55, 0.55)
     critical_marks.draw_marks(axes, axes[0], marks, sweep[parameter].values,
-                              sweep_parts.full_engagement_of(sweep, full_engagement))
+                              sweep_parts.full_engagement_of(sweep, full_engagement), heights)
     sweep_parts.finish(figure, axes, sweep,
                        f"orbit diagram: {sweep.attrs.get('name', '')}" if title is None else title)
     shown = [one for one in claims if np.isfinite(one.impacts) or (np.isfinite(one.depth)
@@ -96,7 +98,8 @@ def _section(axis, sweep, gear_pair, claims):
                     "← separated   engaged →")
     style.arcsec_scale(axis)
     return ("stroboscopic section: relative displacement once per mesh cycle"
-            + small * " (logarithmic but near 0)")
+            + (f" (logarithmic, linear within ±{axis.yaxis.get_transform().linthresh:g} µrad)"
+               if small else ""))
 
 
 def _impact_speeds(axis, sweep, gear_pair, claims):
@@ -139,7 +142,7 @@ def _impacts(axis, sweep, gear_pair, claims):
                   linewidth=1.0 + 0.4 * look["size"])
         back = per_cycle(branch, "coast")
         axis.plot(x, np.where(back > 0, back, np.nan), linestyle="", marker="v",
-                  markersize=2 + look["size"], markeredgewidth=0, color=look["color"])
+                  markersize=4 + look["size"], markeredgewidth=0, color=look["color"], zorder=3)
     for claim in claims:
         if np.isfinite(claim.impacts):
             sweep_parts.claim_marker(axis, claim.value, claim.impacts)
@@ -153,8 +156,8 @@ def _impacts(axis, sweep, gear_pair, claims):
 def _periods(axis, sweep, gear_pair, claims):
     """Period in mesh cycles; motions without one, and failed runs, in rows of their own."""
     none, lost = HIGHEST_PERIOD + 2, HIGHEST_PERIOD + 4
-    rows = [1, 2, 4, 6, HIGHEST_PERIOD, none]
-    labels = ["1", "2", "4", "6", f"≥{HIGHEST_PERIOD}", "none"]
+    rows = [*range(1, HIGHEST_PERIOD + 1), none]
+    labels = [*map(str, range(1, HIGHEST_PERIOD)), f"≥{HIGHEST_PERIOD}", "none"]
     if sweep_parts.failed(sweep).any():
         rows, labels = [*rows, lost], [*labels, "failed"]
     for branch, look in sweep_parts.branches(sweep):

@@ -39,6 +39,11 @@ class Claim(NamedTuple):
     impacts: float = np.nan
 
 
+def unit_of(parameter):
+    """Unit of a parameter, as its axis names it; empty text where it names none."""
+    return AXIS_LABELS.get(parameter, "").partition("(")[2].rstrip(")")
+
+
 def claims_of(sweep, given):
     """Claims within the range of a sweep: as given, or (None) as stored with it."""
     claims = [Claim(*one) for one in given or ()]
@@ -97,7 +102,8 @@ def mark_full_engagement(axes, value, labelled, sweep, height=0.96):
     # Where there is no room to the left of the line, the words go to its right.
     left = value - x[0] > ROOM * (x[-1] - x[0])
     labelled.annotate(
-        f"T_full = {number}: contact can be kept from here;\n{_beyond(sweep, value)}",
+        f"T_full = {number} {unit_of(parameter_of(sweep))}: contact can be kept from here;\n"
+        f"{_beyond(sweep, value)}",
         (value, height),
         xycoords=("data", "axes fraction"), xytext=(-6 if left else 6, 0),
         textcoords="offset points", ha="right" if left else "left", va="top",
