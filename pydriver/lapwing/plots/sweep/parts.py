@@ -97,7 +97,7 @@ def mark_full_engagement(axes, value, labelled, sweep, height=0.96):
         axis.axvline(value, color="0.35", linewidth=0.9, linestyle=(0, (5, 3)), zorder=1)
         if len(ends) == 2:  # what the noise of measured samples leaves
             axis.axvspan(*ends, color="0.35", alpha=0.15, linewidth=0, zorder=0.5)
-    number = f"{value:.5g}" if len(ends) < 2 else \
+    number = f"{value:.4g}" if len(ends) < 2 else \
         f"{value:.3g} ({ends[0]:.3g} to {ends[1]:.3g}, 95 %)"
     # Where there is no room to the left of the line, the words go to its right.
     left = value - x[0] > ROOM * (x[-1] - x[0])
