@@ -116,8 +116,8 @@ def test_a_single_response_is_not_silent(tmp_path, hasty, monkeypatch):
 
 
 def test_drawing_again_tells_how_far_it_is(tmp_path, monkeypatch):
-    monkeypatch.setattr("lapwing.plots.RESPONSE_FIGURES", ("impact_section",))
-    monkeypatch.setattr("lapwing.plots.SWEEP_FIGURES", ())
+    monkeypatch.setattr("lapwing.plots.FIGURES", {"response": ("impact_section",), "sweep": (),
+                                         "critical": ("critical_search",)})
     run_deck(load_deck(write_deck(tmp_path)), tmp_path / "r", threads=1)
     monkeypatch.setattr(progress, "MINUTE", 0.0)
     stream = io.StringIO()

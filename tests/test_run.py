@@ -26,8 +26,8 @@ NAMES = {"result.nc", "used.nml", "summary.md", "manifest.json"}
 def two_figures():
     """Few figures, drawn for real."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lapwing.plots.RESPONSE_FIGURES", ("impact_section",))
-        patch.setattr("lapwing.plots.SWEEP_FIGURES", ())
+        patch.setattr("lapwing.plots.FIGURES", {"response": ("impact_section",), "sweep": (),
+                                      "critical": ("critical_search",)})
         yield
 
 
@@ -250,7 +250,7 @@ def stopped(*given, **more):
 
 setattr(owner, name, stopped)
 from lapwing import plots
-plots.RESPONSE_FIGURES, plots.SWEEP_FIGURES = ("impact_section",), ()
+plots.FIGURES |= {"response": ("response.impact_section",), "sweep": ()}
 from lapwing.deck import load_deck
 from lapwing.run import run_deck
 deck = load_deck({deck!r}, [("operation.brake_torque", "6")])
@@ -379,7 +379,7 @@ FULL_DISK = """
 import resource, signal, sys
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 from lapwing import plots
-plots.RESPONSE_FIGURES, plots.SWEEP_FIGURES = ("impact_section",), ()
+plots.FIGURES |= {"response": ("response.impact_section",), "sweep": ()}
 from lapwing.deck import load_deck
 from lapwing.run import run_deck
 resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size}))
@@ -478,7 +478,7 @@ import os, signal
 from lapwing import plots
 from lapwing.plots import style
 from lapwing.results import store
-plots.RESPONSE_FIGURES, plots.SWEEP_FIGURES = ("impact_section",), ()
+plots.FIGURES |= {"response": ("response.impact_section",), "sweep": ()}
 style.DPI = 40
 left, replace = {step}, os.replace
 
@@ -544,8 +544,8 @@ def test_a_figure_that_fails_leaves_the_others_and_is_named(tmp_path, monkeypatc
     """The next run does not take these results for complete."""
     from lapwing.plots import te_curve
 
-    monkeypatch.setattr("lapwing.plots.RESPONSE_FIGURES", ("impact_section",))
-    monkeypatch.setattr("lapwing.plots.SWEEP_FIGURES", ())
+    monkeypatch.setattr("lapwing.plots.FIGURES", {"response": ("impact_section",), "sweep": (),
+                                      "critical": ("critical_search",)})
 
     def broken(*_):
         raise RuntimeError("no ink")

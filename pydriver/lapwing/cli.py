@@ -303,7 +303,7 @@ def _run(deck, out, threads, force, progress):
 def _critical(deck, threads, progress):
     """Search and print the critical values of one deck; returns its exit code."""
     from lapwing.report.critical import critical_text
-    from lapwing.studies.critical.of_deck import critical_study
+    from lapwing.studies.critical.study import critical_study
 
     if not deck.criticals:
         _complain(f"{deck.path}: no &critical in this deck")

@@ -325,11 +325,10 @@ class _Run:
         if drawn:
             discard(self.aside)
         missing = [(kind, name) for kind, name in studies_of(self.deck)
-                   if name not in getattr(found, kind + "s")]
+                   if name not in found.studies[kind]]
         return Outcome(folder, interrupted=not drawn, failed=found.failed(), undrawn=undrawn,
                        refused=refused, notes=tuple(self.notes),
-                       headlines=headlines([*found.responses.values()], found.criticals,
-                                           found.sweeps, missing))
+                       headlines=headlines(found.studies, missing))
 
     def _write(self, found, folder):
         """Result file, summary and the deck as used; returns the checksums of the variables."""
@@ -346,9 +345,9 @@ class _Run:
             variables = write_results(
                 folder / RESULT_FILE, deck_name=self.deck.title, deck_text=self.deck.text,
                 used_text=text, used_hash=self.inputs, pair=self.deck.gear_pair, te=self.deck.te,
-                osc=_reference_oscillator(self.deck), responses=[*found.responses.values()],
-                sweeps=found.sweeps, criticals=found.criticals, te_source=_te_source(self.deck),
-                interrupted=found.interrupted, studies=studies_of(self.deck))
+                osc=_reference_oscillator(self.deck), found=found.studies,
+                te_source=_te_source(self.deck), interrupted=found.interrupted,
+                studies=studies_of(self.deck))
         with read_results(folder / RESULT_FILE, check=False) as results:
             (folder / SUMMARY).write_text(summary_text(results), encoding="utf-8")
         (folder / USED_DECK).write_text(text, encoding="utf-8")
@@ -382,9 +381,9 @@ def _reference_oscillator(deck):
     """The deck's operating point; what it leaves to its studies is taken from the first."""
     operation = dict(deck.operation)
     if not operation.keys() & set(SPEEDS):
-        first = (*deck.responses, *deck.sweeps, *deck.criticals)[0]
+        first = next(asked for studies in deck.studies.values() for asked in studies)
         operation |= first.operation
-        if getattr(first, "group", None) == "operation":
+        if first.resolved.get("group") == "operation":
             operation[first.parameter] = 1.0 if first.values is None else float(first.values[0])
     operation.setdefault("brake_torque", 1.0)
     return deck.gear_pair.oscillator(deck.te, **operation)

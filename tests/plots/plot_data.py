@@ -84,9 +84,10 @@ def make_results(folder, responses=tuple(RESPONSES), sweeps=None, criticals=None
     found = [response(osc, PAIR, name=name, **(SHORT | options))
              for name, (osc, options) in RESPONSES.items() if name in responses]
     write_results(folder / "result.nc", deck_name="test", deck_text="", used_text="",
-                  used_hash="0", pair=PAIR, te=SHIPPED, osc=scene_a(1.0), responses=found,
-                  sweeps=make_sweeps() if sweeps is None else sweeps,
-                  criticals=make_criticals() if criticals is None else criticals)
+                  used_hash="0", pair=PAIR, te=SHIPPED, osc=scene_a(1.0), found={
+                      "response": {one.attrs["name"]: one for one in found},
+                      "sweep": make_sweeps() if sweeps is None else sweeps,
+                      "critical": make_criticals() if criticals is None else criticals})
     return read_results(folder / "result.nc")
 
 
@@ -94,6 +95,6 @@ def make_curve(folder, name):
     """Group `transmission_error` of a file with another curve."""
     te = CURVES[name]
     write_results(folder / f"{name}.nc", deck_name="test", deck_text="", used_text="",
-                  used_hash="0", pair=PAIR, te=te, responses=[], sweeps={},
+                  used_hash="0", pair=PAIR, te=te, found={},
                   osc=PAIR.oscillator(te, brake_torque=1.0, pinion_speed_rpm=240))
     return read_results(folder / f"{name}.nc")

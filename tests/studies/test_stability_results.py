@@ -111,8 +111,9 @@ def results(tmp_path_factory, swept, rigid):
         response(scene_a(3.3), PAIR, name="plain", **{**SHORT, "exponents": False}),
         response(scene_a(3.3), PAIR, name="failed", **{**SHORT, "max_events_per_cycle": 2})]
     write_results(path, deck_name="test", deck_text="", used_text="", used_hash="0", pair=PAIR,
-                  te=SHIPPED, osc=scene_a(1.0, "relative"), responses=responses,
-                  sweeps={"torque": swept, "rigid": rigid})
+                  te=SHIPPED, osc=scene_a(1.0, "relative"), found={
+                      "response": {one.attrs["name"]: one for one in responses},
+                      "sweep": {"torque": swept, "rigid": rigid}})
     with read_results(path) as opened:
         yield opened
 

@@ -24,6 +24,11 @@ CLOSE_UP = 6
 
 
 @style.house_style()
+def shows(critical):
+    """Whether there were trials: a closed form has nothing to show."""
+    return "trial" in critical.dims
+
+
 def draw(critical, gear_pair=None, *, title=None, marks=()):
     """Draw one search.
 

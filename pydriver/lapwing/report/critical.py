@@ -19,6 +19,12 @@ REASONS = {"thrown_off": "a kink that throws the tooth off",
            "struck": "a kink that strikes the resting tooth, which bounces"}
 
 
+def section(criticals, results):
+    """The summary's part on critical values; see `registry`."""
+    sweeps = [results.sweep(name) for name in results.sweeps]
+    return ["", "## Critical values", "", *critical_text(criticals, sweeps)]
+
+
 def critical_text(criticals, sweeps=()):
     """Findings of all searches: a table, then a paragraph each.
 

@@ -15,6 +15,22 @@ from lapwing.results.findings import START_NAMES, known, names, rattles, span, w
 TABLE_LINES = 12
 
 
+def section(sweeps, results):
+    """The summary's part on sweeps; see `registry`."""
+    return [line for one in sweeps
+            for line in ("", f"## Sweep {one.attrs['name']}", "", *sweep_text(one))]
+
+
+def headline(sweep):
+    """Points that have a result, and why others have none."""
+    status = sweep["status"].values
+    done, open_ = (int((status == one).sum()) for one in (Status.OK, Status.UNFINISHED))
+    failed = status.size - done - open_
+    along = parameter_words(sweep["status"].dims[1])
+    return (f"{done} of {status.size} points have a result, along the {along}"
+            + f"; {open_} not reached" * bool(open_) + f"; {failed} failed" * bool(failed))
+
+
 def sweep_text(sweep):
     """Findings of one sweep, as a list; each says on which values it was judged.
 
