@@ -16,7 +16,6 @@ from lapwing.base import estimates
 from lapwing.base.messages import printable
 from lapwing.base.signals import held
 from lapwing.deck import DeckError, changed_keys, load_deck, used_hash, used_text
-from lapwing.deck.schema import SPEEDS
 from lapwing.deck.used import stored_hash
 from lapwing.results.store import (
     COMPLETE,
@@ -345,7 +344,7 @@ class _Run:
             variables = write_results(
                 folder / RESULT_FILE, deck_name=self.deck.title, deck_text=self.deck.text,
                 used_text=text, used_hash=self.inputs, pair=self.deck.gear_pair, te=self.deck.te,
-                osc=_reference_oscillator(self.deck), found=found.studies,
+                te_sign=self.deck.operation["te_sign"], found=found.studies,
                 te_source=_te_source(self.deck), interrupted=found.interrupted,
                 studies=studies_of(self.deck))
         with read_results(folder / RESULT_FILE, check=False) as results:
@@ -375,18 +374,6 @@ def _te_source(deck):
     """Name of the table's file, or None where a formula makes it."""
     name = deck.settings["transmission_error"].file
     return Path(name).name if name else None
-
-
-def _reference_oscillator(deck):
-    """The deck's operating point; what it leaves to its studies is taken from the first."""
-    operation = dict(deck.operation)
-    if not operation.keys() & set(SPEEDS):
-        first = next(asked for studies in deck.studies.values() for asked in studies)
-        operation |= first.operation
-        if first.resolved.get("group") == "operation":
-            operation[first.parameter] = 1.0 if first.values is None else float(first.values[0])
-    operation.setdefault("brake_torque", 1.0)
-    return deck.gear_pair.oscillator(deck.te, **operation)
 
 
 def _read(path):

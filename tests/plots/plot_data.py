@@ -84,7 +84,7 @@ def make_results(folder, responses=tuple(RESPONSES), sweeps=None, criticals=None
     found = [response(osc, PAIR, name=name, **(SHORT | options))
              for name, (osc, options) in RESPONSES.items() if name in responses]
     write_results(folder / "result.nc", deck_name="test", deck_text="", used_text="",
-                  used_hash="0", pair=PAIR, te=SHIPPED, osc=scene_a(1.0), found={
+                  used_hash="0", pair=PAIR, te=SHIPPED, te_sign="printed", found={
                       "response": {one.attrs["name"]: one for one in found},
                       "sweep": make_sweeps() if sweeps is None else sweeps,
                       "critical": make_criticals() if criticals is None else criticals})
@@ -96,5 +96,5 @@ def make_curve(folder, name):
     te = CURVES[name]
     write_results(folder / f"{name}.nc", deck_name="test", deck_text="", used_text="",
                   used_hash="0", pair=PAIR, te=te, found={},
-                  osc=PAIR.oscillator(te, brake_torque=1.0, pinion_speed_rpm=240))
+                  te_sign="printed")
     return read_results(folder / f"{name}.nc")

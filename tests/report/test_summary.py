@@ -31,7 +31,7 @@ def text(tmp_path_factory):
                           pinion_speed_rpm=240, impact_law="absolute")
     path = tmp_path_factory.mktemp("summary") / "result.nc"
     write_results(path, deck_name="case", deck_text="", used_text="", used_hash="0a1b",
-                  pair=PAIR, te=SHIPPED, osc=scene_a(1.0), found={
+                  pair=PAIR, te=SHIPPED, te_sign="printed", found={
                       "response": {one.attrs["name"]: one for one in responses},
                       "sweep": {"torque": as_in_a_deck(sweep)}})
     with read_results(path) as results:

@@ -55,7 +55,7 @@ def write(responses, swept, criticals):
     def write_to(path, **changes):
         arguments = {
             "deck_name": "case", "deck_text": DECK, "used_text": "! used\n", "used_hash": "0a1b",
-            "pair": PAIR, "te": SHIPPED, "osc": scene_a(1.0), "found": {
+            "pair": PAIR, "te": SHIPPED, "te_sign": "printed", "found": {
                 "response": {one.attrs["name"]: one for one in responses}, "sweep": swept,
                 "critical": criticals}, **changes}
         write_results(path, **arguments)

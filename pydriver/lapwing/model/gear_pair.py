@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 from lapwing.base import arguments
 from lapwing.base.arguments import LEAST, MOST, Refusals
-from lapwing.model.oscillator import Oscillator, ParameterError, Scales, number_problems
+from lapwing.model.oscillator import Load, Oscillator, ParameterError, Scales, number_problems
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,8 @@ class GearPair:
                 damping_ratio=self.xi, restitution=self.restitution, backlash=self.backlash,
                 contact_law=contact_law, impact_law=impact_law, gap=gap,
                 back_flank_te=back_flank_te, te_sign=te_sign,
-                scales=Scales(self.natural_frequency, self.force_per_torque))
+                scales=Scales(self.natural_frequency, self.force_per_torque),
+                load=None if problems else Load(force, float(brake_torque), drive_torque))
         except ParameterError as error:
             problems += error.problems
         if problems:

@@ -43,6 +43,22 @@ class Scales:
             raise ParameterError("scales", problems)
 
 
+@dataclass(frozen=True)
+class Load:
+    """The torques an oscillator was made from.
+
+    Parameters
+    ----------
+    force : float, rad; the force F they give
+    brake_torque : float, N·m; on the gear
+    drive_torque : float or None, N·m; on the pinion; None: the balance
+    """
+
+    force: float
+    brake_torque: float
+    drive_torque: float | None = None
+
+
 @dataclass(frozen=True, kw_only=True)
 class Oscillator:
     """Parameters of the dimensionless oscillator, checked against each other.
@@ -62,6 +78,7 @@ class Oscillator:
     back_flank_te : bool; False: the coast flank stands still at θ = -gap_width
     te_sign : 'printed' (g = +i12·Δφ) or 'geometric' (g = -i12·Δφ)
     scales : Scales or None
+    load : Load or None, the torques behind `force`; of another force they say nothing
 
     Raises
     ------
@@ -82,6 +99,7 @@ class Oscillator:
     back_flank_te: bool = True
     te_sign: str = "printed"
     scales: Scales | None = None
+    load: Load | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self):
         problems = number_problems(
@@ -106,6 +124,8 @@ class Oscillator:
                                   + arguments.shown(self.te))
         if self.scales is not None:
             taken.take(arguments.instance, "scales", self.scales, Scales)
+        if self.load is not None:
+            taken.take(arguments.instance, "load", self.load, Load)
         # A NumPy bool becomes one of Python.
         object.__setattr__(self, "back_flank_te",
                            taken.take(arguments.flag, "back_flank_te", self.back_flank_te))
@@ -121,6 +141,16 @@ class Oscillator:
             return []
         return [f"back_flank_te is off and the drive flank reaches {self.flank_extrema[0]:.6g} rad"
                 f", at or beyond the standing coast flank at {-self.gap_width:.6g} rad"]
+
+    @property
+    def brake_torque(self):
+        """Brake torque on the gear, N·m: as given, or for `force` at the balance.
+
+        None where neither is known: the oscillator was made without a gear pair.
+        """
+        if self.load is not None and self.load.force == self.force:
+            return self.load.brake_torque
+        return None if self.scales is None else self.force / self.scales.force_per_torque
 
     @property
     def period(self):

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from lapwing.base.codes import SearchStage
-from lapwing.report.words import UNITS, markdown, parameter_words, plural
+from lapwing.report.words import markdown, parameter_unit, parameter_words, plural
 from lapwing.results.findings import search_bounded, search_known, words_beyond
 
 SYMBOLS = {"full": "T_full", "safe": "T_safe", "back": "T_back", "on": "T_on"}
@@ -110,7 +110,7 @@ def _tried(critical):
 
 
 def _unit(critical):
-    return UNITS.get(critical.attrs["parameter"], "")
+    return parameter_unit(critical.attrs["parameter"])
 
 
 def _name(critical):

@@ -8,7 +8,7 @@ from lapwing.base.arrivals import arrivals_in, per_cycle
 from lapwing.base.codes import Status
 from lapwing.report.hysteresis import hysteresis
 from lapwing.report.stability import sweep_stability
-from lapwing.report.words import UNITS, markdown, method_words, parameter_words, plural
+from lapwing.report.words import markdown, method_words, parameter_unit, parameter_words, plural
 from lapwing.results.findings import START_NAMES, known, names, rattles, span, words_beyond
 
 # A sweep is told in about so many lines, spread over its range.
@@ -42,7 +42,7 @@ def sweep_text(sweep):
     -------
     list of str, lines of Markdown
     """
-    unit = UNITS.get(sweep.attrs["parameter"], "")
+    unit = parameter_unit(sweep.attrs["parameter"])
     lines = [_extent(sweep, unit)]
     if "deepest_separation" not in sweep:
         return lines

@@ -16,6 +16,7 @@ import numpy as np
 
 from lapwing.base.registry import STUDIES
 from lapwing.base.signals import held
+from lapwing.model.oscillator import TE_SIGNS
 from lapwing.results.checksums import DamagedFile, store_checksums, verify_file
 from lapwing.results.store import Manifest, flush, os_errors, sha256_of
 from lapwing.results.variables import FAILED, described
@@ -29,7 +30,7 @@ DERIVED = ("gear_ratio", "equivalent_inertia", "natural_frequency", "torsional_s
            "force_per_torque")
 
 
-def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te, osc, found,
+def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te, te_sign, found,
                   te_source=None, interrupted=False, studies=()):
     """Write the result file under a temporary name, flush it to the disk, and rename it.
 
@@ -44,7 +45,7 @@ def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te,
     used_text, used_hash : str, the deck with every value really used, and its hash
     pair : GearPair
     te : TransmissionError
-    osc : Oscillator, at the deck's operating point; says how the table becomes the flank's motion
+    te_sign : 'printed' or 'geometric', how the table becomes the flank's motion
     found : dict of kind -> dict of name -> Dataset in deck order, for kinds of `registry.STUDIES`
     te_source : str or None, the table's file name or formula; default: what the table tells
     interrupted : bool, whether studies of the deck are missing or unfinished
@@ -67,7 +68,8 @@ def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te,
             "used_deck": used_text, "used_hash": used_hash, "interrupted": int(interrupted),
             "studies": "\n".join(f"{kind} {name}" for kind, name in studies)}
     groups = {None: _dataset({}, root), "gear_pair": _dataset({}, _pair_attributes(pair)),
-              "transmission_error": _transmission_error(te, osc, te_source or _te_source(te))}
+              "transmission_error": _transmission_error(te, te_sign, pair.gear_ratio,
+                                                        te_source or _te_source(te))}
     claims = _claims(found.get("response", {}).values())
     for kind in STUDIES:
         for order, (name, dataset) in enumerate(found.get(kind, {}).items()):
@@ -117,8 +119,8 @@ def _pair_attributes(pair):
     return {**given, **{name: getattr(pair, name) for name in DERIVED}, "damping_ratio": pair.xi}
 
 
-def _transmission_error(te, osc, source):
-    attributes = {"te_sign": osc.te_sign, "flank_scale": osc.flank_scale,
+def _transmission_error(te, te_sign, gear_ratio, source):
+    attributes = {"te_sign": te_sign, "flank_scale": TE_SIGNS[te_sign] * gear_ratio,
                   "peak_to_peak": te.peak_to_peak, "source": source}
     return _dataset({"knots": ("knot", te.knots),
                      "coefficients": (("piece", "power"), te.coefficients),

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from lapwing.base import arguments
+from lapwing.base import arguments, quantities
 from lapwing.base.threads import checked_threads
 from lapwing.engine import Numerics, common_method
 from lapwing.model.gear_pair import GearPair
@@ -20,7 +20,7 @@ from lapwing.model.transmission_error import TransmissionError
 from lapwing.studies.critical.safe import SafeSearch, Trial
 from lapwing.studies.critical.starts import StartGrid, follow, start_grid
 from lapwing.studies.intervals import bursts, rate_limit
-from lapwing.studies.sweep.run import PARAMETER_UNITS, oscillator_at, parameters
+from lapwing.studies.sweep.run import oscillator_at, parameters
 
 FINDS = ("full", "safe", "back", "on")
 SAFE_ENDS = ("high", "low")
@@ -358,7 +358,7 @@ def _trials(trials):
 def _dataset(find, parameter, outcome, estimate, bar, variables=None, **attrs):
     import xarray as xr
 
-    unit = {**PARAMETER_UNITS, "pinion_speed_rpm": "rpm"}.get(parameter, "1")
+    unit = quantities.parameter(parameter).units
     dataset = xr.Dataset(
         {name: ("trial", np.asarray(column)) for name, column in (variables or {}).items()},
         attrs={"find": find, "parameter": parameter, "units": unit, "outcome": outcome,

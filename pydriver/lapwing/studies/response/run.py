@@ -56,7 +56,7 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
              samples_per_cycle=400, exponents=False, method="auto", rtol=1e-8,
              max_period=MAX_PERIOD, count_depth=0.01, chatter_tol=None,
              max_events_per_cycle=1_000_000, max_steps_per_cycle=10_000_000, order=0,
-             brake_torque=None, claim_impacts_per_cycle=None, claim_deepest_separation=None,
+             claim_impacts_per_cycle=None, claim_deepest_separation=None,
              claim_text=None):
     """Settle, record, repeat by a second run, and say what is known of each number's error.
 
@@ -84,7 +84,6 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
     method, rtol, count_depth, chatter_tol, max_events_per_cycle, max_steps_per_cycle :
         see `Numerics`
     max_period, order : int; mesh cycles, and the place among the responses of a deck
-    brake_torque : float, N·m; default: the one that gives the oscillator's force at balance
     claim_* : what a source reports (depth in rad), float, float, str; kept, not judged
 
     Returns
@@ -122,7 +121,8 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
         for one in (numerics, Numerics(method="rk4", rtol=other, **tolerances)))
     settings = {
         "name": name, "order": order,
-        "brake_torque": osc.force / pair.force_per_torque if brake_torque is None else brake_torque,
+        "brake_torque": osc.force / pair.force_per_torque if osc.brake_torque is None
+        else osc.brake_torque,
         "mesh_period_s": osc.period / pair.natural_frequency,
         "method": engine.method_of(osc, numerics), "rtol": rtol,
         "rtol_reference": other, "start_phase": phase,

@@ -24,7 +24,6 @@ def carry_out(deck, study, order, threads, done):
         record_cycles=study.record_cycles, samples_per_cycle=study.samples_per_cycle,
         exponents=study.exponents,
         max_period=deck.numerics["max_period"], order=order,
-        brake_torque=study.operation["brake_torque"],
         claim_impacts_per_cycle=study.claim_impacts_per_cycle,
         claim_deepest_separation=study.claim_deepest_separation, claim_text=study.claim_text,
         **deck.numerics_of(study))

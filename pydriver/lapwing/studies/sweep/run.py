@@ -7,11 +7,11 @@ from dataclasses import fields, replace
 import numpy as np
 
 from lapwing import engine
-from lapwing.base import arguments, estimates
+from lapwing.base import arguments, estimates, quantities
 from lapwing.base.arguments import Refusals
 from lapwing.base.arrivals import arrivals_of
 from lapwing.base.codes import EventKind, Status
-from lapwing.base.stability_names import NUMBERS
+from lapwing.base.quantities import NUMBERS
 from lapwing.base.threads import checked_threads, usable_threads
 from lapwing.engine import Numerics, Wanted, columns, numbers, work_counts
 from lapwing.engine.records import CYCLE, STROBED
@@ -35,10 +35,6 @@ UNITS = {"phi": "rad", "phi_dot": "rad per tau", "deepest_separation": "rad",
          "lyapunov_exponent_error": "per tau", "second_lyapunov_exponent": "per tau",
          "lyapunov_exponent_per_cycle": "per mesh cycle", "speed_edge": "rad per tau",
          "impact_speed_density": "per mesh cycle", "slow_impacts": "per mesh cycle"}
-PARAMETER_UNITS = {"brake_torque": "N m", "drive_torque": "N m", "pinion_speed_rpm": "rev/min",
-                   "pinion_speed_rad_s": "rad/s", "mesh_frequency_hz": "Hz",
-                   "pinion_base_lever": "m", "mesh_stiffness": "N/m", "backlash": "rad",
-                   "pinion_inertia": "kg m2", "gear_inertia": "kg m2", "mesh_damping": "N s/m"}
 
 
 def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=400, record=100,
@@ -193,7 +189,7 @@ def _dataset(result, oscillators, parameter, values, starts, wanted, phase, attr
     dataset["status"].attrs.update(
         flag_values=np.array([int(status) for status in Status], dtype=np.int8),
         flag_meanings=" ".join(status.name.lower() for status in Status))
-    dataset[parameter].attrs["units"] = PARAMETER_UNITS.get(parameter, "1")
+    dataset[parameter].attrs["units"] = quantities.parameter(parameter).units
     for name in UNITS.keys() & dataset.variables.keys():
         dataset[name].attrs["units"] = UNITS[name]
     for name, count in work_counts(np.nansum(result.outcome["work"], axis=0)).items():
