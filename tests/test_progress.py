@@ -99,7 +99,7 @@ def test_a_bar_shows_what_takes_longer_than_a_second(capsys, seconds, shown):
 
 def test_a_single_response_is_not_silent(tmp_path, hasty, monkeypatch):
     """The response does not go on before a line was written."""
-    from lapwing.studies.response import run as home
+    from lapwing.studies.response import study as home
 
     stream, original = Log(), home.response
 

@@ -250,7 +250,7 @@ def stopped(*given, **more):
 
 setattr(owner, name, stopped)
 from lapwing import plots
-plots.FIGURES |= {"response": ("response.impact_section",), "sweep": ()}
+plots.FIGURES.update(response=("response.impact_section",), sweep=())
 from lapwing.deck import load_deck
 from lapwing.run import run_deck
 deck = load_deck({deck!r}, [("operation.brake_torque", "6")])
@@ -321,7 +321,7 @@ def interrupted_run(deck, out, monkeypatch, **options):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr("lapwing.studies.sweep.run.sweep", stop)
+        patch.setattr("lapwing.studies.sweep.study.sweep", stop)
         return run_deck(load_deck(deck, options.pop("overrides", ())), out, threads=1, **options)
 
 
@@ -338,7 +338,7 @@ def test_an_interrupted_run_goes_on_where_it_stopped(done, tmp_path, two_figures
     assert f"before all studies of the deck were finished. No result: sweep `{name}`." in said
     assert outcome.headlines[-1] == f"{name}: not finished, no result"
     with monkeypatch.context() as patch:
-        patch.setattr("lapwing.studies.response.run.response", None)  # is not computed again
+        patch.setattr("lapwing.studies.response.study.response", None)  # is not computed again
         outcome = run_deck(load_deck(done[0]), out, threads=1)
     assert not outcome.interrupted and "1 finished study taken over" in outcome.notes[0]
     assert checksums(out / "small" / "result.nc") == checksums(done[1] / "result.nc")
@@ -369,7 +369,7 @@ def test_a_signal_while_drawing_keeps_the_results(done, tmp_path, two_figures, m
     with read_results(out / "small" / "result.nc") as results:
         assert not results.interrupted
     with monkeypatch.context() as patch:
-        for study in ("response.run.response", "sweep.run.sweep"):
+        for study in ("response.study.response", "sweep.study.sweep"):
             patch.setattr(f"lapwing.studies.{study}", None)
         assert not run_deck(load_deck(done[0]), out, threads=1).interrupted
     assert contents(out / "small").keys() == contents(done[1]).keys()
@@ -379,7 +379,7 @@ FULL_DISK = """
 import resource, signal, sys
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 from lapwing import plots
-plots.FIGURES |= {"response": ("response.impact_section",), "sweep": ()}
+plots.FIGURES.update(response=("response.impact_section",), sweep=())
 from lapwing.deck import load_deck
 from lapwing.run import run_deck
 resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size}))
@@ -428,7 +428,7 @@ def test_figures_without_room_are_named_and_the_numbers_kept(done, tmp_path, two
     manifest = Manifest.read(folder)
     assert manifest.state == "incomplete" and not manifest.damaged(folder)
     with monkeypatch.context() as patch:
-        for study in ("response.run.response", "sweep.run.sweep"):
+        for study in ("response.study.response", "sweep.study.sweep"):
             patch.setattr(f"lapwing.studies.{study}", None)
         assert call("run", done[0], "--out", folder.parent, "--threads", 1).exit_code == OK
     found = contents(folder)
@@ -478,7 +478,7 @@ import os, signal
 from lapwing import plots
 from lapwing.plots import style
 from lapwing.results import store
-plots.FIGURES |= {"response": ("response.impact_section",), "sweep": ()}
+plots.FIGURES.update(response=("response.impact_section",), sweep=())
 style.DPI = 40
 left, replace = {step}, os.replace
 

@@ -15,7 +15,7 @@ from lapwing.report.summary import summary_text
 from lapwing.results import read_results, write_results
 from lapwing.studies.response.run import response
 
-SHORT = {"settle_cycles": 60, "record_cycles": 24, "samples_per_cycle": 32}
+SHORT = {"settle": 60, "record": 24, "samples_per_cycle": 32}
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from lapwing.results import DESCRIPTIONS, described, read_results, write_results
 from lapwing.studies.response.run import response
 
 DECK = "! deck with µ and θ\n&gear_pair\n/\n"
-SHORT = {"settle_cycles": 20, "record_cycles": 24, "samples_per_cycle": 32}
+SHORT = {"settle": 20, "record": 24, "samples_per_cycle": 32}
 SWEPT = {"pinion_speed_rpm": 240, "impact_law": "absolute", "settle": 20, "record": 8}
 
 

@@ -97,7 +97,7 @@ def test_a_failed_point_has_no_numbers():
 
 # --- responses, files, summary ------------------------------------------------------------------
 
-SHORT = {"settle_cycles": 200, "record_cycles": 100, "samples_per_cycle": 16, "exponents": True}
+SHORT = {"settle": 200, "record": 100, "samples_per_cycle": 16, "exponents": True}
 
 
 @pytest.fixture(scope="module")

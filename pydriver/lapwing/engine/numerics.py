@@ -73,3 +73,26 @@ class Wanted:
     tangent: bool = False
     graze_distance: float = 0.0
     speed_edges: tuple = ()
+
+
+def chosen(numerics, **settings):
+    """`Numerics` from one of a function's two ways of saying them.
+
+    Parameters
+    ----------
+    numerics : Numerics or None
+    **settings : name -> (value given, default)
+
+    Raises
+    ------
+    TypeError, ValueError
+        where it is no `Numerics`, or a setting is given beside it.
+    """
+    if numerics is None:
+        return Numerics(**{name: value for name, (value, _) in settings.items()})
+    arguments.instance("numerics", numerics, Numerics)
+    for name, (value, default) in settings.items():
+        if value is not default and value != default:
+            raise ValueError(f"numerics and {name} are both given, expected one of them: "
+                             f"Numerics({name}=...)")
+    return numerics

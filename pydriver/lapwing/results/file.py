@@ -370,5 +370,7 @@ def stored_studies(results):
     return studies
 
 
-__all__ = ["DamagedFile", "Results", "engine_digest", "provenance", "read_results",
-           "stored_studies", "verify", "write_results"]
+open_results = read_results
+
+__all__ = ["DamagedFile", "Results", "engine_digest", "open_results", "provenance",
+           "read_results", "stored_studies", "verify", "write_results"]

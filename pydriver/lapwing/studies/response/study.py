@@ -20,8 +20,8 @@ def carry_out(deck, study, order, threads, done):
     """One response of a deck, by one thread; see `registry`."""
     return response(
         deck.oscillator(study), deck.gear_pair, name=study.name, start=study.start,
-        phase=deck.numerics["start_phase"], settle_cycles=study.settle_cycles,
-        record_cycles=study.record_cycles, samples_per_cycle=study.samples_per_cycle,
+        phase=deck.numerics["start_phase"], settle=study.settle_cycles,
+        record=study.record_cycles, samples_per_cycle=study.samples_per_cycle,
         exponents=study.exponents,
         max_period=deck.numerics["max_period"], order=order,
         claim_impacts_per_cycle=study.claim_impacts_per_cycle,

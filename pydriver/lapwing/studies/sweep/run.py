@@ -13,7 +13,7 @@ from lapwing.base.arrivals import arrivals_of
 from lapwing.base.codes import EventKind, Status
 from lapwing.base.quantities import NUMBERS
 from lapwing.base.threads import checked_threads, usable_threads
-from lapwing.engine import Numerics, Wanted, columns, numbers, work_counts
+from lapwing.engine import Wanted, chosen, columns, numbers, work_counts
 from lapwing.engine.records import CYCLE, STROBED
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.transmission_error import TransmissionError
@@ -40,8 +40,8 @@ UNITS = {"phi": "rad", "phi_dot": "rad per tau", "deepest_separation": "rad",
 def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=400, record=100,
           observe=("cycles",), phase=0.0, method="auto", rtol=1e-6, chatter_tol=None,
           count_depth=0.01, max_impacts=2000, max_events_per_cycle=1_000_000,
-          max_steps_per_cycle=10_000_000, threads=None, progress=None, keep_interrupted=False,
-          **operation):
+          max_steps_per_cycle=10_000_000, numerics=None, threads=None, progress=None,
+          keep_interrupted=False, **operation):
     """Run a range of values of one parameter.
 
     Parameters
@@ -62,6 +62,7 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
     phase : float, mesh phase at the start
     method, rtol, chatter_tol, count_depth, max_events_per_cycle, max_steps_per_cycle :
         see `Numerics`
+    numerics : Numerics or None, all of these at once
     threads : int or None; default `threads.default_threads`; no result depends on it, and
         `threads.usable_threads` says how many are begun: one in a process born by fork
     progress : callable(fraction done) or None
@@ -83,9 +84,11 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
                                      max_impacts, phase, progress, keep_interrupted)
     settle, record, max_impacts, phase = int(settle), int(record), int(max_impacts), float(phase)
     threads = checked_threads(threads)
-    numerics = Numerics(method=method, rtol=rtol, chatter_tol=chatter_tol, count_depth=count_depth,
-                        max_events_per_cycle=max_events_per_cycle,
-                        max_steps_per_cycle=max_steps_per_cycle)
+    numerics = chosen(
+        numerics, method=(method, "auto"), rtol=(rtol, 1e-6), chatter_tol=(chatter_tol, None),
+        count_depth=(count_depth, 0.01),
+        max_events_per_cycle=(max_events_per_cycle, 1_000_000),
+        max_steps_per_cycle=(max_steps_per_cycle, 10_000_000))
     wanted = Wanted(cycles="cycles" in observe, strobe=True, impacts="impacts" in observe,
                     tangent="exponents" in observe)
     estimates.require(estimates.sweep_bytes(
@@ -104,9 +107,9 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
         keep_interrupted=keep_interrupted)
     data = _dataset(result, oscillators, parameter, values, starts, wanted, phase,
                     {"contact_law": oscillators[0].contact_law, "settle": settle,
-                     "record": record, "rtol": rtol,
+                     "record": record, "rtol": numerics.rtol,
                      "method": engine.common_method(oscillators, numerics),
-                     "count_depth": count_depth, "interrupted": int(result.interrupted)})
+                     "count_depth": numerics.count_depth, "interrupted": int(result.interrupted)})
     if "spectra" in observe:
         data = _with_spectra(data, result, oscillators * len(starts), numerics, threads)
     return data
