@@ -17,6 +17,7 @@ import typer
 
 from lapwing.base import estimates, exit_codes, signals
 from lapwing.base.exit_codes import MEANINGS, ExitCode
+from lapwing.base.registry import STUDIES
 
 OK, FAILED, BAD_INPUT, SURROUNDINGS, INTERRUPTED = (
     ExitCode.GOOD, ExitCode.FAILED, ExitCode.BAD_INPUT, ExitCode.SURROUNDINGS,
@@ -186,8 +187,7 @@ def plot(files: Annotated[list[Path], typer.Argument(metavar="RESULT.nc...", hel
 
 def _studies(deck):
     """How much there is to do."""
-    counts = ((len(deck.responses), "response"), (len(deck.sweeps), "sweep"),
-              (len(deck.criticals), "critical value"))
+    counts = ((len(deck.studies[study.kind]), study.words) for study in STUDIES.values())
     return ", ".join(f"{n} {word}{'s' if n != 1 else ''}" for n, word in counts)
 
 

@@ -97,7 +97,8 @@ class StudyKeys(Group):
 
     def used(self, asked):
         """Key -> value as used, None where a key has none."""
-        return self.model_dump(by_alias=True) | {"rtol": asked.rtol}
+        own = {"rtol": asked.rtol} if "rtol" in type(self).model_fields else {}
+        return self.model_dump(by_alias=True) | own
 
     def canonical(self, values, asked):
         """Values used, spelled the same however the deck gave them."""

@@ -52,7 +52,8 @@ def _check_presence(models, studies, origin, report):
         if name not in models:
             report.add(origin, f"&{name} is missing")
     if not studies:
-        report.add(origin, "neither &response nor &sweep nor &critical: nothing to compute")
+        report.add(origin, "neither " + " nor ".join(f"&{name}" for name in schema.STUDIES)
+                   + ": nothing to compute")
 
 
 def _check_names(studies, report):
@@ -191,7 +192,7 @@ class Studies:
     def rtol(self, reader):
         """Tolerance of a study: its own, that of &numerics, or the default."""
         numerics = self._settings["numerics"]
-        given = reader.keys.rtol or (numerics.rtol if numerics else None)
+        given = getattr(reader.keys, "rtol", None) or (numerics.rtol if numerics else None)
         return given or reader.keys.default_rtol
 
     def own_operation(self, keys):
