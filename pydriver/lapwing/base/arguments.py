@@ -235,8 +235,8 @@ def _of_objects(name, value, array, expected):
 class Refusals:
     """Gathers what several converters refuse, so that all of it is said at once."""
 
-    def __init__(self):
-        self.problems = []
+    def __init__(self) -> None:
+        self.problems: list[str] = []
 
     def take(self, converter: Callable, name: str, value: object, *args, **kwargs):
         """The converted value, or None where it is refused."""

@@ -42,7 +42,7 @@ PARAMETERS = {
 }
 
 
-def parameter(name):
+def parameter(name: str) -> Parameter:
     """`Parameter` of a name; of one unknown, a bare number."""
     words = name.replace("_", " ")
     return PARAMETERS.get(name, Parameter("1", "", words, words))

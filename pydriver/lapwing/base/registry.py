@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib import import_module
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -39,11 +40,11 @@ class Study:
     keys: str
     study: str
     report: str
-    figures: tuple
+    figures: tuple[str, ...]
     turn: int
     side_by_side: bool = False
 
-    def part(self, name):
+    def part(self, name: str) -> Any:
         """Module of a part, or class where one is named; loaded at the first use."""
         module, _, member = getattr(self, name).partition(":")
         module = import_module(f"lapwing.{module}")
@@ -63,6 +64,6 @@ STUDIES = {study.kind: study for study in (
           "studies.critical.study", "report.critical", ("critical_search",), turn=2))}
 
 
-def carried_out():
+def carried_out() -> list[Study]:
     """The studies in the order they are carried out and told of."""
     return sorted(STUDIES.values(), key=lambda study: study.turn)

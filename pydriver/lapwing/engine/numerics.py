@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from lapwing.base import arguments
 from lapwing.base.arguments import Refusals
@@ -40,7 +41,7 @@ class Numerics:
     max_steps_per_cycle: int = 10_000_000
     copy_repeats: bool = True
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         taken = Refusals()
         checked = {
             "method": taken.take(arguments.choice, "method", self.method, METHODS),
@@ -72,10 +73,10 @@ class Wanted:
     cycles: bool = False
     tangent: bool = False
     graze_distance: float = 0.0
-    speed_edges: tuple = ()
+    speed_edges: tuple[float, ...] = ()
 
 
-def chosen(numerics, **settings):
+def chosen(numerics: Numerics | None, **settings: tuple[Any, Any]) -> Numerics:
     """`Numerics` from one of a function's two ways of saying them.
 
     Parameters

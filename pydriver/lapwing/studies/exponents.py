@@ -5,7 +5,7 @@ from __future__ import annotations
 from lapwing.base import arguments, estimates
 from lapwing.base.arguments import MAX_INT
 from lapwing.base.codes import Status
-from lapwing.engine import Numerics, TrajectoryCall, Wanted
+from lapwing.engine import Numerics, TrajectoryCall, Wanted, chosen
 from lapwing.model.oscillator import Oscillator
 from lapwing.studies import stability
 from lapwing.studies.orbit import NoOrbit
@@ -13,8 +13,8 @@ from lapwing.studies.stability import CycleMaps, Exponents
 from lapwing.studies.trajectory import checked_start, engine_start
 
 
-def exponents(osc: Oscillator, start: str | tuple = "rest", *, phase: float = 0.0,
-              settle: int = 400, record: int = 1000,
+def exponents(osc: Oscillator, start: str | tuple[object, float, float] = "rest", *,
+              phase: float = 0.0, settle: int = 400, record: int = 1000,
               numerics: Numerics | None = None) -> Exponents:
     """Lyapunov exponents of the motion from a start, as means over recorded mesh cycles.
 
@@ -44,8 +44,7 @@ def exponents(osc: Oscillator, start: str | tuple = "rest", *, phase: float = 0.
     phase = arguments.phase("phase", phase)
     settle = arguments.whole("settle", settle, 0, MAX_INT // 4)
     record = arguments.whole("record", record, 1, MAX_INT // 4)
-    numerics = Numerics(rtol=1e-8) if numerics is None else \
-        arguments.instance("numerics", numerics, Numerics)
+    numerics = chosen(numerics, rtol=(1e-8, 1e-8))
     estimates.require(estimates.sweep_bytes(1, settle + record, exponents=True), "exponents",
                       "settle or record")
     first = settle + (phase > 0)  # whole cycles are recorded
