@@ -23,12 +23,18 @@ DECKS = {
     "smooth_1500rpm": "A smooth transmission error of three harmonics at 1500 rpm: coexisting "
                       "motions.",
     "kinked_480rpm": "The textbook parabola with one kink at 480 rpm.",
+    "drifting_25x32": "Both wheels as bodies, driven harder than the brake holds: the mean speed "
+                      "rises while the teeth rattle.",
+    "speed_compliant": "The same smooth transmission error without restitution, over the speed: "
+                       "the classical resonance of gear rattle.",
     "minimal": "The shortest deck.",
 }
 FIGURES = {
     "orbit_diagram": "Orbit diagram: strobed displacement, impact speeds, impacts per cycle and "
                      "period against the braking torque, from rest, upwards and downwards.",
     "deepest_separation": "Deepest separation against the braking torque.",
+    "amplitudes": "Rms and peak to peak of dynamic transmission error and displacement, mean and "
+                  "peak mesh force.",
     "staircase": "Impacts per cycle as a staircase, with a strip of classes.",
     "exponents": "Largest Lyapunov exponent and larger Floquet multiplier under the orbit diagram.",
     "impact_speed_density": "How often impacts of which speed happen.",
@@ -37,6 +43,7 @@ FIGURES = {
                        "that is left.",
     "te_curve": "Transmission error with its knots, slopes and kinks.",
     "history": "Time history of displacement, mesh force and impacts.",
+    "shaft_motion": "Mean speed of both wheels, and each shaft's speed about it.",
     "phase_portrait": "Phase portrait, with the engaged part magnified.",
     "impact_section": "Phase and speed of each impact.",
     "spectrum": "Order spectrum of displacement, mesh force and dynamic transmission error.",

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from lapwing.base.exit_codes import ExitCode
 from lapwing.cli import BAD_INPUT, FAILED, INTERRUPTED, OK, app
 from lapwing.deck import load_deck
+from lapwing.report.answers.findings import on_console, told_in
 from lapwing.results import read_results
 
 INPUTS = Path(__file__).parents[1] / "inputs"
@@ -53,7 +54,7 @@ def finished(tmp_path_factory):
     """One deck, run once."""
     folder = tmp_path_factory.mktemp("run")
     deck = write_deck(folder)
-    result = call("run", deck, "--out", folder / "results", "--threads", 1)
+    result = call("run", deck, "--out", folder / "results", "--threads", 1, "--figures", "all")
     assert result.exit_code == OK, result.output
     return deck, folder / "results", result
 
@@ -77,6 +78,40 @@ def test_same_values_are_reused(finished):
     again = call("run", deck, "--out", out)
     assert again.exit_code == OK and "reused" in again.output
     assert (out / "small" / "result.nc").stat().st_mtime_ns == before
+
+
+def test_figures_are_drawn_in_the_formats_asked_for(tmp_path):
+    deck, out = write_deck(tmp_path, torque=6), tmp_path / "out"
+
+    def formats(*words):
+        result = call("run", deck, "--out", out, "--threads", 1, *words)
+        assert result.exit_code == OK, result.output
+        names = {path.name for path in (out / "small").iterdir()}
+        assert {"result.nc", "summary.md", "used.nml", "manifest.json"} <= names
+        return "reused" in result.output, {name[-3:] for name in names if name.startswith("te_")}
+
+    assert formats("--figures", "none") == (False, set())
+    before = (out / "small" / "result.nc").read_bytes()
+    assert formats("--figures", "none") == (True, set())
+    assert formats() == (False, {"png"})  # the default; nothing is computed again
+    assert formats("--figures", "all") == (False, {"png", "pdf"})
+    assert formats() == formats("--figures", "none") == (True, {"png", "pdf"})
+    # What was drawn once is kept up with the rest.
+    (out / "small" / "te_curve.pdf").unlink()
+    assert formats() == (False, {"png", "pdf"})
+    assert (out / "small" / "result.nc").read_bytes() == before
+    assert call("run", deck, "--out", out, "--figures", "svg").exit_code == BAD_INPUT
+
+
+def test_the_findings_head_summary_and_console(finished):
+    deck, out, first = finished
+    summary = (out / "small" / "summary.md").read_text(encoding="utf-8")
+    assert summary.splitlines()[2] == "## Findings"
+    said = on_console(told_in(summary))
+    assert "Separation was" in said or "The teeth" in said
+    again = call("run", deck, "--out", out)
+    for output in (first.output, again.output):
+        assert f"{out / 'small'}\n{said}\n" in output
 
 
 def test_other_values_are_refused_and_named(finished):
@@ -196,11 +231,11 @@ def test_version_and_help():
 
 
 def test_light_commands_import_nothing_heavy():
-    """`check` and `--help` must answer at once: no engine, SciPy, xarray or matplotlib."""
+    """`check` and `--help` must answer at once: no engine, xarray or matplotlib."""
     code = ("import sys; from lapwing.cli import app\n"
             "sys.argv = ['lapwing', 'check', sys.argv[1]]\n"
             "try: app()\nexcept SystemExit: pass\n"
-            "heavy = {'scipy', 'xarray', 'matplotlib', 'netCDF4', 'lapwing._engine'}\n"
+            "heavy = {'xarray', 'matplotlib', 'netCDF4', 'lapwing._engine'}\n"
             "print('HEAVY', sorted(heavy & set(sys.modules)))")
     done = subprocess.run([sys.executable, "-c", code, INPUTS / "minimal.nml"],
                           capture_output=True, text=True, check=True)
@@ -394,6 +429,8 @@ def test_critical_prints_and_writes_nothing(tmp_path):
     found = re.search(r"\*\*T_full = ([0-9.]+) N·m\*\*", result.output)
     assert 0 < float(found[1]) < 8
     assert "**none between 8.5 and 8 N·m**: no motion rattles" in result.output
+    head, findings = result.output.split("\n\n", 1)
+    assert head.endswith("# small") and findings.startswith("  - The teeth were not seen to part")
     assert [path.name for path in tmp_path.iterdir()] == ["small.nml"]
 
 

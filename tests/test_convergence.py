@@ -7,9 +7,11 @@ import json
 from functools import cache
 
 import numpy as np
+import pytest
 
 from helpers import ROOT, events, scene_a, scene_c
 from lapwing import EventKind, Status, simulate
+from lapwing_bench.scenes import SCENES
 
 TOLERANCES = 10.0 ** -np.arange(4, 11.1, 0.5)
 
@@ -52,6 +54,23 @@ def smooth_compliant():
 def order(values, chosen=slice(None)):
     """Least-squares slope of log(values) over log tolerance."""
     return np.polyfit(np.log(TOLERANCES[chosen]), np.log(np.array(values)[chosen]), 1)[0]
+
+
+@pytest.mark.parametrize(("name", "torque"), [("S2", 3.3), ("S2", 8.0), ("S3", 1.0), ("S3", 2.0),
+                                              ("S3b", 1.0), ("S3b", 5.0)])
+def test_a_series_limits_no_tolerance(name, torque):
+    """Events of three cycles whose errors hardly grow, against the closed form on the series."""
+    osc = SCENES[name].oscillator(torque)
+    exact = simulate(osc, cycles=3, method="exact").events
+    errors = []
+    for rtol in (1e-6, 1e-8, 1e-10, 1e-12):
+        stepped = simulate(osc, cycles=3, method="rk4", rtol=rtol).events
+        assert stepped["kind"].values.tolist() == exact["kind"].values.tolist()
+        errors.append(np.abs(stepped["tau"].values - exact["tau"].values).max() / osc.period)
+    # The estimate is of fourth order, the result of fifth: a hundredth of the tolerance gives a
+    # hundredth of the error or less, until rounding.
+    assert errors[1] < errors[0] / 50 and errors[2] < errors[1] / 50
+    assert errors[3] < 1e-12
 
 
 def test_twentieth_impact_converges():

@@ -22,6 +22,10 @@ from test_cli import call, write_deck
 NAMES = {"result.nc", "used.nml", "summary.md", "manifest.json"}
 
 
+# Options of runs whose folders are compared with each other.
+ALL = ("--threads", 1, "--figures", "all")
+
+
 @pytest.fixture(scope="module")
 def two_figures():
     """Few figures, drawn for real."""
@@ -49,7 +53,7 @@ def there(done, tmp_path, two_figures):
 
 
 def again(done, there, *options):
-    return call("run", done[0], "--out", there.parent, "--threads", 1, *options)
+    return call("run", done[0], "--out", there.parent, *ALL, *options)
 
 
 def contents(folder):
@@ -154,7 +158,7 @@ def test_a_folder_of_the_first_version_is_taken_over(done, there):
     (there / "manifest.json").unlink()
     (there / "te_curve.png").write_bytes(b"an older drawing")
     assert "nothing there can be verified" in call(
-        "run", done[0], "--out", there.parent, "--threads", 1).output.replace(chr(10), " ")
+        "run", done[0], "--out", there.parent, *ALL).output.replace(chr(10), " ")
     assert good(done, there)
 
 
@@ -162,7 +166,7 @@ def test_files_of_the_user_are_never_touched(done, tmp_path, two_figures):
     folder = tmp_path / "r" / "small"
     folder.mkdir(parents=True)
     (folder / "gear_drawing.pdf").write_text("drawn by hand")
-    result = call("run", done[0], "--out", tmp_path / "r", "--threads", 1)
+    result = call("run", done[0], "--out", tmp_path / "r", *ALL)
     assert result.exit_code == BAD_INPUT and "files of yours" in result.output.replace("\n", " ")
     assert contents(folder) == {"gear_drawing.pdf": b"drawn by hand"}
 
@@ -419,7 +423,7 @@ def test_figures_without_room_are_named_and_the_numbers_kept(done, tmp_path, two
     folder = tmp_path / "r" / "small"
     with monkeypatch.context() as patch:
         patch.setattr(style, "save", save)
-        result = call("run", done[0], "--out", folder.parent, "--threads", 1)
+        result = call("run", done[0], "--out", folder.parent, *ALL)
     assert result.exit_code == SURROUNDINGS
     assert "figure impact_section_one: OSError: [Errno 28]" in result.output
     lost = {"impact_section_one.png", "impact_section_one.pdf"}
@@ -430,7 +434,7 @@ def test_figures_without_room_are_named_and_the_numbers_kept(done, tmp_path, two
     with monkeypatch.context() as patch:
         for study in ("response.study.response", "sweep.study.sweep"):
             patch.setattr(f"lapwing.studies.{study}", None)
-        assert call("run", done[0], "--out", folder.parent, "--threads", 1).exit_code == OK
+        assert call("run", done[0], "--out", folder.parent, *ALL).exit_code == OK
     found = contents(folder)
     assert found.pop("manifest.json") and expected.pop("manifest.json") and found == expected
 
@@ -553,7 +557,7 @@ def test_a_figure_that_fails_leaves_the_others_and_is_named(tmp_path, monkeypatc
     deck, out = write_deck(tmp_path), tmp_path / "r"
     with monkeypatch.context() as patch:
         patch.setattr(te_curve, "draw", broken)
-        result = call("run", deck, "--out", out, "--threads", 1)
+        result = call("run", deck, "--out", out, *ALL)
         assert result.exit_code == FAILED
         assert "small: figure te_curve: RuntimeError: no ink" in result.output
         names = {path.name for path in (out / "small").iterdir()}
@@ -563,5 +567,5 @@ def test_a_figure_that_fails_leaves_the_others_and_is_named(tmp_path, monkeypatc
         again = call("plot", out / "small" / "result.nc", "--out", tmp_path / "p")
         assert again.exit_code == FAILED and "impact_section_one.pdf" in again.output
         assert "figure te_curve: RuntimeError: no ink" in again.output
-    assert call("run", deck, "--out", out, "--threads", 1).exit_code == OK
+    assert call("run", deck, "--out", out, *ALL).exit_code == OK
     assert (out / "small" / "te_curve.png").exists()

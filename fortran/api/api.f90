@@ -41,8 +41,8 @@ contains
 
   !> Go on with one trajectory until its target, a full log or the deadline.
   subroutine trajectory(n_pieces, knots, coefficients, kinks, n_series, series, n_reals, reals, &
-      n_choices, choices, start, target, seconds, n_blob, blob, n_samples, sample_time, samples, &
-      n_log, log, n_cycles, cycles, n_tangent, tangent, done)
+      n_choices, choices, n_more, start, target, seconds, n_blob, blob, n_samples, sample_time, &
+      samples, n_log, log, n_cycles, cycles, n_tangent_columns, n_tangent, tangent, done)
     use lapwing_api_marshal, only: go_on_with_trajectory
     integer(c_int), intent(in) :: n_pieces                          !! table pieces
     real(c_double), intent(in) :: knots(n_pieces + 1)               !! mesh phase
@@ -55,6 +55,7 @@ contains
     real(c_double), intent(in) :: reals(n_reals)                    !! real parameters
     integer(c_int), intent(in) :: n_choices                         !! integer parameters
     integer(c_int), intent(in) :: choices(n_choices)                !! integer parameters
+    integer(c_int), intent(in) :: n_more                            !! states beside phi, phi'
     real(c_double), intent(in) :: start(4)                          !! -2 go on, -1 rest, or motion
                                                                     !! state; phi, phi', phase
     real(c_double), intent(in) :: target(2)                         !! cycle, time in it
@@ -63,13 +64,15 @@ contains
     real(c_double), intent(inout) :: blob(n_blob)                   !! run under way
     integer(c_int), intent(in) :: n_samples                         !! samples
     real(c_double), intent(in) :: sample_time(2, n_samples)         !! cycle, time; (-1, 0): none
-    real(c_double), intent(inout) :: samples(3, n_samples)          !! motion state, phi, phi'
+    real(c_double), intent(inout) :: samples(3 + n_more, n_samples) !! motion state, phi, phi',
+                                                                    !! the other states
     integer(c_int), intent(in) :: n_log                             !! room in the log
     real(c_double), intent(inout) :: log(6, n_log)                  !! events
     integer(c_int), intent(in) :: n_cycles                          !! room for cycles
-    real(c_double), intent(inout) :: cycles(17, n_cycles)           !! statistics by cycle
+    real(c_double), intent(inout) :: cycles(17 + n_more, n_cycles)  !! statistics by cycle
+    integer(c_int), intent(in) :: n_tangent_columns                 !! numbers of one: 9 + states**2
     integer(c_int), intent(in) :: n_tangent                         !! room for tangent maps
-    real(c_double), intent(inout) :: tangent(13, n_tangent)         !! tangent maps by cycle
+    real(c_double), intent(inout) :: tangent(n_tangent_columns, n_tangent)   !! tangent maps
     real(c_double), intent(out) :: done(8)                          !! status, log lines, cycles,
                                                                     !! cycle, t, state, phi, phi'
     !f2py threadsafe
@@ -79,9 +82,9 @@ contains
 
   !> Go on with a sweep until it is done or the deadline has come.
   subroutine sweep(n_pieces, knots, coefficients, kinks, n_series, series, n_reals, n_points, &
-      reals, n_choices, choices, n_lines, lines, starts, seconds, n_threads, n_blob, blobs, &
-      n_record, cycles, n_tangent, n_tangent_points, tangent, n_bins, n_density_points, density, &
-      n_log, log, n_outcome, outcome)
+      reals, n_choices, choices, n_more, n_lines, lines, starts, seconds, n_threads, n_blob, &
+      blobs, n_record, cycles, n_tangent_columns, n_tangent, n_tangent_points, tangent, n_bins, &
+      n_density_points, density, n_log, log, n_outcome, outcome)
     use lapwing_api_marshal, only: go_on_with_sweep
     integer(c_int), intent(in) :: n_pieces                          !! table pieces
     real(c_double), intent(in) :: knots(n_pieces + 1)               !! mesh phase
@@ -95,6 +98,7 @@ contains
     real(c_double), intent(in) :: reals(n_reals, n_points)          !! real parameters by point
     integer(c_int), intent(in) :: n_choices                         !! integer parameters
     integer(c_int), intent(in) :: choices(n_choices)                !! integer parameters
+    integer(c_int), intent(in) :: n_more                            !! states beside phi, phi'
     integer(c_int), intent(in) :: n_lines                           !! lines
     integer(c_int), intent(inout) :: lines(5, n_lines)              !! first, last, carried, point,
                                                                     !! stage
@@ -105,10 +109,12 @@ contains
     integer(c_int), intent(in) :: n_blob                            !! size of a blob
     real(c_double), intent(inout) :: blobs(n_blob, n_lines)         !! runs under way
     integer(c_int), intent(in) :: n_record                          !! cycles recorded
-    real(c_double), intent(inout) :: cycles(17, n_record, n_points) !! statistics by cycle
+    real(c_double), intent(inout) :: cycles(17 + n_more, n_record, n_points) !! statistics by cycle
+    integer(c_int), intent(in) :: n_tangent_columns                 !! numbers of one: 9 + states**2
     integer(c_int), intent(in) :: n_tangent                         !! cycles with a tangent map
     integer(c_int), intent(in) :: n_tangent_points                  !! points with them, or 1
-    real(c_double), intent(inout) :: tangent(13, n_tangent, n_tangent_points) !! tangent maps
+    !> Tangent maps
+    real(c_double), intent(inout) :: tangent(n_tangent_columns, n_tangent, n_tangent_points)
     integer(c_int), intent(in) :: n_bins                            !! bins of impact speeds, or 1
     integer(c_int), intent(in) :: n_density_points                  !! points with them, or 1
     real(c_double), intent(inout) :: density(n_bins, n_density_points) !! impacts by speed

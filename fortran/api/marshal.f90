@@ -9,13 +9,13 @@ module lapwing_api_marshal
       event_release, event_engage, event_chatter_end, event_kink, event_near_graze, status_ok, &
       status_too_many_events, status_too_many_steps, status_step_too_small, status_not_finite, &
       status_unfinished, status_out_of_memory
-  use lapwing_flow_exact_oscillation, only: damped
   use lapwing_flow, only: flow_t, work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
-  use lapwing_run_method, only: make_flow
-  use lapwing_system_oscillator, only: oscillator_t, make_oscillator
+  use lapwing_run_method, only: make_system, make_flow
+  use lapwing_system_oscillator, only: oscillator_t
   use lapwing_system_parameters, only: parameters_t
   use lapwing_polynomial_evaluation, only: max_degree
+  use lapwing_observers_deviations, only: deviations_of
   use lapwing_observers_records, only: recorder_t, start_recording, log_columns, cycle_columns, &
       sample_columns
   use lapwing_run, only: run_to, deadline_in
@@ -29,12 +29,12 @@ module lapwing_api_marshal
   public :: all_sizes, all_codes, evaluate, go_on_with_trajectory, go_on_with_sweep
 
   !> force, Omega, flank scale, peak-to-peak of g, xi, epsilon, theta0, rtol, chatter tolerance,
-  !> count depth, graze distance, slowest and fastest impact binned
-  integer, parameter :: n_reals = 13
+  !> count depth, graze distance, slowest and fastest impact binned, mean acceleration
+  integer, parameter :: n_reals = 14
   !> contact law, impact law, gap, back_flank_te, largest numbers of events and of steps in a
   !> cycle; events, impacts, grazes, strobe, cycles wanted; settling cycles, recorded cycles;
-  !> method; tangent maps wanted; whether repeated cycles are copied
-  integer, parameter :: n_choices = 16
+  !> method; tangent maps wanted; whether repeated cycles are copied; degrees of freedom
+  integer, parameter :: n_choices = 17
 
   integer(c_int), parameter :: all_sizes(8) = [blob_size, work_size, log_columns, cycle_columns, &
       sample_columns, n_reals, n_choices, tangent_columns]
@@ -94,6 +94,8 @@ contains
     p%restitution = reals(6)
     p%backlash = reals(7)
     p%tolerance = reals(8)
+    p%mean_acceleration = reals(14)
+    p%degrees_of_freedom = choices(17)
     p%contact_law = choices(1)
     p%impact_law = choices(2)
     p%gap = choices(3)
@@ -142,12 +144,12 @@ contains
     real(c_double), intent(in) :: seconds                           !! time for this call
     real(c_double), intent(inout) :: blob(:)                        !! run under way
     real(c_double), intent(in), target, contiguous :: sample_time(:, :)     !! (2, n)
-    real(c_double), intent(inout), target, contiguous :: samples(:, :)      !! (3, n)
+    real(c_double), intent(inout), target, contiguous :: samples(:, :)      !! see `api`
     real(c_double), intent(inout), target, contiguous :: log(:, :)          !! (6, room)
-    real(c_double), intent(inout), target, contiguous :: cycles(:, :)       !! (17, room)
-    real(c_double), intent(inout), target, contiguous :: tangent(:, :)      !! (13, room)
+    real(c_double), intent(inout), target, contiguous :: cycles(:, :)       !! see `api`
+    real(c_double), intent(inout), target, contiguous :: tangent(:, :)      !! see `api`
     real(c_double), intent(out) :: done(8)                          !! how far it came
-    type(oscillator_t), target :: system
+    class(oscillator_t), allocatable, target :: system
     class(flow_t), allocatable :: flow
     logical, allocatable :: slopes_jump(:)
     type(numerics_t) :: numerics
@@ -159,7 +161,7 @@ contains
     numerics = numerics_from(reals, choices)
     done = 0
     call take_kinks(kinks, slopes_jump, error)
-    if (error == 0) call make_oscillator(parameters_from(reals, choices), knots, coefficients, &
+    if (error == 0) call make_system(parameters_from(reals, choices), knots, coefficients, &
         slopes_jump, series, system, error)
     if (error == 0) call make_flow(numerics%method, system, flow, error)
     if (error /= 0) then
@@ -176,7 +178,7 @@ contains
     recorder%log => log
     recorder%cycles => cycles
     recorder%tangent => tangent
-    if (recorder%want_tangent) recorder%contact = damped(0.5_wp*system%damping)
+    if (recorder%want_tangent) recorder%deviations = deviations_of(system)
     ! f2py passes no empty array: a single sample before the first cycle means none.
     if (sample_time(1, 1) >= 0) then
       recorder%sample_time => sample_time
@@ -204,8 +206,8 @@ contains
     real(c_double), intent(in) :: seconds                           !! time for this call
     integer(c_int), intent(in) :: n_threads                         !! threads
     real(c_double), intent(inout) :: blobs(:, :)                    !! runs under way
-    real(c_double), intent(inout), target, contiguous :: cycles(:, :, :)   !! (17, record, points)
-    real(c_double), intent(inout), target, contiguous :: tangent(:, :, :)  !! (13, record, points)
+    real(c_double), intent(inout), target, contiguous :: cycles(:, :, :)   !! see `api`
+    real(c_double), intent(inout), target, contiguous :: tangent(:, :, :)  !! see `api`
     real(c_double), intent(inout), target, contiguous :: density(:, :)     !! (bins, points) or 1
     real(c_double), intent(inout), target, contiguous :: log(:, :, :)      !! (6, room, points)
     real(c_double), intent(inout), target, contiguous :: outcome(:, :)     !! (columns, points)

@@ -150,13 +150,31 @@ contains
     real(wp), intent(in) :: s                       !! time since it began
     type(frame_t), intent(inout) :: frame           !! its frame, or where the last look left it
     type(instant_t), intent(out) :: instant         !! where it is
-    if (arc%moves) call flow%state_at(system, arc, s, frame, instant%y)
+    if (arc%moves) then
+      call flow%state_at(system, arc, s, frame, instant%y)
+    else if (system%n_states > 2) then
+      call move_others(system, arc, s, instant%y)
+    end if
     instant%motion_state = arc%begin%motion_state
     instant%chart = frame%chart
     instant%cycle = arc%begin%cycle
     instant%t = arc%begin%t + s
     instant%piece = frame%piece
   end subroutine instant_on
+
+  !> Where the tooth lies on its flank, the rest of a summed chatter, other states move at the rates
+  !> with which it began: it is so short that these do not change.
+  subroutine move_others(system, arc, s, y)
+    class(system_t), intent(in) :: system           !! what moves
+    type(arc_t), intent(in) :: arc                  !! the arc
+    real(wp), intent(in) :: s                       !! time since it began
+    real(wp), intent(inout) :: y(max_states)        !! state variables: all but the tooth's
+    real(wp) :: rate(system%n_states)
+    associate (n => system%n_states, begin => arc%begin)
+      call system%derivatives(arc%frame, begin%motion_state, 0.0_wp, begin%y(:n), rate)
+      y(3:n) = begin%y(3:n) + s*rate(3:)
+    end associate
+  end subroutine move_others
 
   !> Equal times, to the resolution of time: what happens at the stop, a kink or the end of the
   !> cycle, comes before an event at a flank.

@@ -6,7 +6,8 @@ module lapwing_observers_recorder
   use lapwing_flow, only: flow_t, work_t, instant_on
   use lapwing_hybrid_state, only: segment_t, event_t
   use lapwing_observers_grazes, only: find_grazes
-  use lapwing_observers_records, only: recorder_t, sums_t, log_line, n_counters, max_flights
+  use lapwing_observers_records, only: recorder_t, sums_t, log_line, n_counters, max_flights, &
+      cycle_columns, sample_columns
   use lapwing_observers_speeds, only: count_speed
   use lapwing_system, only: system_t, instant_t, frame_t
   use lapwing_observers_tangent, only: tangent_t, carry_along, jump, tangent_row
@@ -17,11 +18,12 @@ module lapwing_observers_recorder
 contains
 
   !> Record one segment.
-  subroutine record_segment(self, system, flow, segment, work)
+  subroutine record_segment(self, system, flow, segment, after, work)
     type(recorder_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
     class(flow_t), intent(in) :: flow            !! what followed it
     type(segment_t), intent(in) :: segment       !! what happened
+    type(instant_t), intent(in) :: after         !! where it ended, past its events
     type(work_t), intent(inout) :: work          !! counts
     integer :: i
     if (associated(self%samples)) then
@@ -34,12 +36,12 @@ contains
     if (self%want_strobe .or. self%want_cycles) call strobe(self, system, segment)
     if (self%want_cycles) call measure(self, system, flow, segment, work)
     if (self%want_tangent) then
-      call carry_along(self%sums%tangent, system, self%contact, segment)
+      call carry_along(self%sums%tangent, system, self%deviations, segment)
     end if
     if (segment%cycle_completed .and. (self%want_strobe .or. self%want_cycles)) then
       call close_cycle(self, segment)
     end if
-    if (self%want_tangent) call jump(self%sums%tangent, system, self%contact, segment)
+    if (self%want_tangent) call jump(self%sums%tangent, system, self%deviations, segment, after)
     do i = 1, segment%n_events
       call log_line(self, segment%events(i))
       call count_speed(self%density, segment%events(i))
@@ -73,6 +75,7 @@ contains
     self%sums%strobe_due = .false.
     self%sums%strobe(1) = segment%begin%motion_state
     call system%observe(segment%begin, self%sums%strobe(2), self%sums%strobe(3))
+    self%sums%strobe_others = segment%begin%y(3:)
   end subroutine strobe
 
   !> States visited, and the deepest points of flights and of back contact.
@@ -151,13 +154,15 @@ contains
       counted_back = sums%n_flights - counted
       sums%n_cycles = sums%n_cycles + 1
       if (sums%n_cycles <= size(self%cycles, 2)) then
-        self%cycles(:, sums%n_cycles) = [real(segment%begin%cycle, wp), sums%strobe, &
+        self%cycles(:cycle_columns, sums%n_cycles) = [real(segment%begin%cycle, wp), sums%strobe, &
             sums%counter(1:2), real([counted, counted_back], wp), sums%counter(3:8), &
             sums%cycle_depth, sums%back_penetration, real(sums%states_visited, wp)]
+        self%cycles(cycle_columns + 1:, sums%n_cycles) = &
+            sums%strobe_others(:size(self%cycles, 1) - cycle_columns)
       end if
       if (self%want_tangent) then
         if (sums%n_cycles <= size(self%tangent, 2)) then
-          self%tangent(:, sums%n_cycles) = tangent_row(sums%tangent)
+          self%tangent(:, sums%n_cycles) = tangent_row(sums%tangent, self%deviations%n)
         end if
         sums%tangent = tangent_t()
       end if
@@ -211,7 +216,10 @@ contains
     type(work_t), intent(inout) :: work          !! counts
     real(wp) :: phi, phi_dot
     call system%observe(instant, phi, phi_dot)
-    self%samples(:, self%sums%next_sample) = [real(instant%motion_state, wp), phi, phi_dot]
+    associate (sample => self%samples(:, self%sums%next_sample))
+      sample(:sample_columns) = [real(instant%motion_state, wp), phi, phi_dot]
+      sample(sample_columns + 1:) = instant%y(3:size(sample) - sample_columns + 2)
+    end associate
     self%sums%next_sample = self%sums%next_sample + 1
     work%samples = work%samples + 1
   end subroutine sample_at

@@ -2,16 +2,18 @@
 module lapwing_observers_records
   use lapwing_kinds, only: wp
   use lapwing_codes, only: coast_flank, event_impact, event_near_graze, event_kind
-  use lapwing_flow_exact_oscillation, only: damped_t
   use lapwing_hybrid_state, only: event_t
+  use lapwing_observers_deviations, only: deviations_t
   use lapwing_observers_speeds, only: speed_density_t
   use lapwing_observers_tangent, only: tangent_t
+  use lapwing_system, only: max_states
   implicit none
   private
   public :: recorder_t, sums_t, start_recording, waits_for_room, log_has_room, log_line
   public :: log_columns, cycle_columns, sample_columns, n_counters, max_flights, log_reserve
 
   integer, parameter :: log_columns = 6       !! kind, cycle, t, phi, velocity before, after
+  ! With the other states of a system that has more than phi and phi' behind them:
   integer, parameter :: cycle_columns = 17    !! see `close_cycle`
   integer, parameter :: sample_columns = 3    !! motion state, phi, phi'
   integer, parameter :: n_counters = 8        !! impact, release, engage, chatter end, by flank
@@ -33,6 +35,7 @@ module lapwing_observers_records
     real(wp) :: back_penetration = 0           !! deepest point in the coast flank, rad
     integer :: states_visited = 0              !! bit k: motion state k
     real(wp) :: strobe(3) = 0                  !! motion state, phi, phi' at the cycle's beginning
+    real(wp) :: strobe_others(max_states - 2) = 0   !! and the other states
     real(wp) :: grazes_known_to = -1           !! near-grazes of the stretch up to here are logged
     integer :: n_flights = 0                   !! flights of the cycle ended by an impact
     real(wp) :: flight(max_flights) = 0        !! their depths, negative: at the coast flank
@@ -47,7 +50,7 @@ module lapwing_observers_records
     logical :: want_strobe = .false.           !! state at the beginning of each cycle
     logical :: want_cycles = .false.           !! statistics of each cycle
     logical :: want_tangent = .false.          !! tangent map of each cycle; wants the strobe too
-    type(damped_t) :: contact                  !! deviations in contact, for the tangent map
+    type(deviations_t) :: deviations           !! how they move, for the tangent map
     real(wp) :: graze_distance = 0             !! what is near, rad
     real(wp) :: count_depth = 0.01_wp          !! least depth of a counted flight / cycle's depth
     real(wp), pointer, contiguous :: log(:, :) => null()           !! (log_columns, room)

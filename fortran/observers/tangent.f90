@@ -8,6 +8,8 @@
 !>     impact, relative velocities:   [w/v, 0; (1 + eps) a/v, -eps]
 !>     impact, absolute velocities:   [w/v, 0; (1 + eps) F/v, -eps], F the force towards the flank
 !>     engage, release:               [1, 0; -2 xi, 1] and [1, 0; 2 xi, 1].
+!> Of further states, which no event changes, only the rates jump; each then has x' = v's part in
+!> its rate in the first column, times (w - v)/v at an impact.
 !> Leine and Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, ch. 7.
 !>
 !> The end of a complete chatter leaves one number of the two: when it comes. See `chatter_matrix`.
@@ -17,8 +19,8 @@ module lapwing_observers_tangent
   use lapwing_kinds, only: wp
   use lapwing_codes, only: separation, drive_flank, event_impact, event_release, event_engage, &
       event_chatter_end
-  use lapwing_flow_exact_oscillation, only: damped_t, free_matrix
   use lapwing_hybrid_state, only: segment_t, event_t
+  use lapwing_observers_deviations, only: deviations_t, move_deviations, change_tooth
   use lapwing_polynomial_evaluation, only: max_degree, horner
   use lapwing_system, only: system_t, instant_t, frame_t, max_states
   implicit none
@@ -26,20 +28,23 @@ module lapwing_observers_tangent
   public :: tangent_t, tangent_columns, carry_along, jump, tangent_row
   public :: impact_matrix, chatter_matrix
 
-  integer, parameter :: tangent_columns = 13   !! see `tangent_row`
+  !> Columns of a line beside the matrix, and in all for the tooth alone: see `tangent_row`.
+  integer, parameter :: rest_columns = 9, tangent_columns = 2**2 + rest_columns
   !> The matrix is scaled, exactly, when it leaves 2**-256 .. 2**256: far from under- and overflow
   !> also after one more factor.
   integer, parameter :: most_exponent = 256
+  real(wp), parameter :: unit_matrix(max_states, max_states) = reshape([1.0_wp], &
+      [max_states, max_states], pad=[spread(0.0_wp, 1, max_states), 1.0_wp])
   !> Contact that one matrix stands for, in decay times: exp(-128) at its smallest.
   real(wp), parameter :: most_decay = 64
 
   !> The map since the cycle began, m*2**exponent, and what its determinant must be.
   type :: tangent_t
-    real(wp) :: m(2, 2) = reshape([1, 0, 0, 1], [2, 2])   !! matrix of (phi, phi')
+    real(wp) :: m(max_states, max_states) = unit_matrix   !! matrix of the states in use
     integer :: exponent = 0                               !! of its scale
     real(wp) :: log_det = 0                               !! sum of ln|det| of the factors
     integer :: det_sign = 1                               !! sign of their product
-    integer :: rank = 2                                   !! least rank of a factor
+    integer :: lost = 0                                   !! most numbers that a factor loses
     real(wp) :: contact_time(2) = 0                       !! in tau, by flank
     real(wp) :: pending = 0                               !! time in contact not yet in m
     integer :: impacts = 0                                !! impacts
@@ -51,20 +56,23 @@ contains
 
   !> The line of a cycle: matrix by rows, exponent, ln|det|, its sign, rank, time on either flank,
   !> impacts, their sum of ln|w/v|, and how far the shallowest graze would have gone.
-  pure function tangent_row(self) result(row)
+  pure function tangent_row(self, n) result(row)
     type(tangent_t), intent(in) :: self
-    real(wp) :: row(tangent_columns)
-    row = [self%m(1, :), self%m(2, :), real(self%exponent, wp), self%log_det, &
-        real([self%det_sign, self%rank], wp), self%contact_time, real(self%impacts, wp), &
-        self%log_rebound, self%graze_depth]
-    if (self%rank < 2) row(6:7) = [ieee_value(row(6), ieee_negative_inf), 0.0_wp]
+    integer, intent(in) :: n                     !! states in use
+    real(wp) :: row(n**2 + rest_columns)
+    row(:n**2) = reshape(transpose(self%m(:n, :n)), [n**2])
+    associate (rest => row(n**2 + 1:))
+      rest = [real(self%exponent, wp), self%log_det, real([self%det_sign, n - self%lost], wp), &
+          self%contact_time, real(self%impacts, wp), self%log_rebound, self%graze_depth]
+      if (self%lost > 0) rest(2:3) = [ieee_value(rest(2), ieee_negative_inf), 0.0_wp]
+    end associate
   end function tangent_row
 
   !> Carry a deviation along the smooth stretch of a segment, or to the end of a summed chatter.
-  subroutine carry_along(self, system, contact, segment)
+  subroutine carry_along(self, system, deviations, segment)
     type(tangent_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
-    type(damped_t), intent(in) :: contact        !! free motion of a deviation in contact
+    type(deviations_t), intent(in) :: deviations !! how a deviation moves
     type(segment_t), intent(in) :: segment       !! what happened
     if (segment%begin%motion_state /= separation) then
       associate (time => self%contact_time(segment%begin%motion_state))
@@ -75,18 +83,31 @@ contains
       else
         ! Once a contact: the steps of one are alike to the bit, and so would be their rounding.
         self%pending = self%pending + segment%length
-        if (segment%n_events == 0 .and. .not. segment%cycle_completed &
-            .and. contact%xi*self%pending < most_decay) return
-        self%log_det = self%log_det - 2*contact%xi*self%pending
-        call apply(self, free_matrix(contact, self%pending))
+        associate (divergence => deviations%divergence(segment%begin%motion_state))
+          if (segment%n_events == 0 .and. .not. segment%cycle_completed &
+              .and. -0.5_wp*divergence*self%pending < most_decay) return
+          self%log_det = self%log_det + divergence*self%pending
+        end associate
+        call move(self, deviations, segment%begin%motion_state, self%pending)
         self%pending = 0
       end if
     else if (sums_chatter(segment)) then
-      call end_chatter_summed(self, system, segment)
+      call end_chatter_summed(self, system, deviations, segment)
     else
-      self%m(1, :) = self%m(1, :) + segment%length*self%m(2, :)
+      self%log_det = self%log_det + deviations%divergence(separation)*segment%length
+      call move(self, deviations, separation, segment%length)
     end if
   end subroutine carry_along
+
+  !> Along a smooth motion.
+  subroutine move(self, deviations, motion_state, s)
+    type(tangent_t), intent(inout) :: self
+    type(deviations_t), intent(in) :: deviations !! how a deviation moves
+    integer, intent(in) :: motion_state          !! motion state
+    real(wp), intent(in) :: s                    !! for so long
+    call move_deviations(deviations, motion_state, s, self%m)
+    call keep_in_range(self, deviations%n)
+  end subroutine move
 
   !> Whether a segment is the rest of a chatter: it ends with the chatter, and with no impact.
   pure logical function sums_chatter(segment)
@@ -96,56 +117,83 @@ contains
     sums_chatter = kind_at_drive(segment%events(1)) == event_chatter_end
   end function sums_chatter
 
-  !> A chatter summed from the beginning of the segment, just after an impact.
-  subroutine end_chatter_summed(self, system, segment)
+  !> A chatter summed from the beginning of the segment, just after an impact. Further states go on
+  !> as in contact; that they move over its short rest does not change when it ends.
+  subroutine end_chatter_summed(self, system, deviations, segment)
     type(tangent_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
+    type(deviations_t), intent(in) :: deviations !! how a deviation moves
     type(segment_t), intent(in) :: segment       !! what happened
     type(frame_t) :: frame
-    real(wp) :: pressing(0:max_degree), distance, approach
+    real(wp) :: pressing(0:max_degree), distance, approach, tooth(2, max_states)
     integer :: flank
     flank = flank_of(segment%events(1))
     call system%open_frame(segment%begin, frame)
     call system%contact(frame, flank, 0.0_wp, segment%begin%y, distance, approach)
     call system%pressing(frame, flank, 0.0_wp, segment%begin%y, pressing)
     call forget(self, merge(0, 1, system%rigid))
-    call apply(self, chatter_matrix(pressing, -approach, system%restitution, segment%length))
+    tooth = self%m(:2, :)
+    call move(self, deviations, flank, segment%length)
+    self%m(:2, :) = tooth
+    call change_tooth(chatter_matrix(pressing, -approach, system%restitution, segment%length), &
+        deviations%n, self%m)
+    call keep_in_range(self, deviations%n)
   end subroutine end_chatter_summed
 
   !> The events that a segment ends with.
-  subroutine jump(self, system, contact, segment)
+  subroutine jump(self, system, deviations, segment, after)
     type(tangent_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
-    type(damped_t), intent(in) :: contact        !! free motion of a deviation in contact
+    type(deviations_t), intent(in) :: deviations !! how a deviation moves
     type(segment_t), intent(in) :: segment       !! what happened
+    type(instant_t), intent(in) :: after         !! where the system is after them
     integer :: i, last
     last = 0
     do i = 1, segment%n_events
       select case (kind_at_drive(segment%events(i)))
       case (event_impact)
-        call strike(self, system, segment%events(i))
+        call strike(self, system, deviations, segment%events(i), after)
         last = i
       case (event_engage)
         if (system%rigid) call forget(self, 0)
-        self%m(2, :) = self%m(2, :) - 2*contact%xi*self%m(1, :)
+        call touch(self, deviations, flank_of(segment%events(i)), 1.0_wp)
       case (event_release)
-        self%m(2, :) = self%m(2, :) + 2*contact%xi*self%m(1, :)
+        call touch(self, deviations, flank_of(segment%events(i)), -1.0_wp)
       case (event_chatter_end)
-        if (last > 0) call end_chatter_at_impact(self, system, segment%events(last))
+        if (last > 0) call end_chatter_at_impact(self, system, deviations, &
+            segment%events(last), after)
       case default
         ! A kink leaves a deviation as it is.
       end select
     end do
   end subroutine jump
 
+  !> Contact begins (sign 1) or ends (-1): the damper's force, and whatever else goes with the
+  !> velocity in contact only, is there the earlier, the deeper the tooth is.
+  pure subroutine touch(self, deviations, flank, sign)
+    type(tangent_t), intent(inout) :: self
+    type(deviations_t), intent(in) :: deviations !! how a deviation moves
+    integer, intent(in) :: flank                 !! flank
+    real(wp), intent(in) :: sign                 !! 1 or -1
+    integer :: i
+    associate (a => deviations%a)
+      do i = 2, deviations%n
+        self%m(i, :) = self%m(i, :) + sign*(a(i, 2, flank) - a(i, 2, separation))*self%m(1, :)
+      end do
+    end associate
+  end subroutine touch
+
   !> An impact. One that the flank, drawing away faster and faster, almost missed is a graze.
-  subroutine strike(self, system, event)
+  subroutine strike(self, system, deviations, event, instant)
     type(tangent_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
+    type(deviations_t), intent(in) :: deviations !! how a deviation moves
     type(event_t), intent(in) :: event           !! the impact
+    type(instant_t), intent(in) :: instant       !! where the system is after it
     real(wp) :: pressing(0:max_degree), push, s(2, 2)
+    integer :: i
     self%impacts = self%impacts + 1
-    call accelerations(system, event, pressing, push)
+    call accelerations(system, event, instant, pressing, push)
     if (pressing(0) < 0) then
       self%graze_depth = min(self%graze_depth, -0.5_wp*event%before**2/pressing(0))
     end if
@@ -161,7 +209,12 @@ contains
       self%log_det = self%log_det + log(abs(s(1, 1)*s(2, 2)))
       if (s(1, 1)*s(2, 2) < 0) self%det_sign = -self%det_sign
     end if
-    call apply(self, s)
+    do i = 3, deviations%n
+      self%m(i, :) = self%m(i, :) + deviations%a(i, 2, separation) &
+          *((event%after - event%before)/event%before)*self%m(1, :)
+    end do
+    call change_tooth(s, deviations%n, self%m)
+    call keep_in_range(self, deviations%n)
   end subroutine strike
 
   !> Saltation matrix of an impact: in x and x', positive into the flank struck.
@@ -203,23 +256,28 @@ contains
 
   !> A chatter whose last impact leaves less than time can resolve. With absolute velocities and
   !> a moving flank the bounces have no sum: the end is the impact.
-  subroutine end_chatter_at_impact(self, system, impact)
+  subroutine end_chatter_at_impact(self, system, deviations, impact, instant)
     type(tangent_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
+    type(deviations_t), intent(in) :: deviations !! how a deviation moves
     type(event_t), intent(in) :: impact          !! the last impact
+    type(instant_t), intent(in) :: instant       !! where the system is after it
     real(wp) :: pressing(0:max_degree), push, rest, speed
-    call accelerations(system, impact, pressing, push)
+    call accelerations(system, impact, instant, pressing, push)
     speed = abs(impact%after)
     rest = 0
     if (system%sums_chatter(flank_of(impact))) rest = 2*speed/(pressing(0)*(1 - system%restitution))
     call forget(self, merge(0, 1, system%rigid))
-    call apply(self, chatter_matrix(pressing, speed, system%restitution, rest))
+    call change_tooth(chatter_matrix(pressing, speed, system%restitution, rest), deviations%n, &
+        self%m)
+    call keep_in_range(self, deviations%n)
   end subroutine end_chatter_at_impact
 
   !> At an event: pressing acceleration of its flank, and the force towards it.
-  subroutine accelerations(system, event, pressing, push)
+  subroutine accelerations(system, event, after, pressing, push)
     class(system_t), intent(in) :: system             !! what moves
     type(event_t), intent(in) :: event                !! event at a flank
+    type(instant_t), intent(in) :: after              !! where the system is after it
     real(wp), intent(out) :: pressing(0:max_degree)   !! Taylor coefficients about it
     real(wp), intent(out) :: push                     !! acceleration in flight
     type(instant_t) :: instant
@@ -229,6 +287,8 @@ contains
     instant%chart = flank_of(event)
     instant%cycle = event%cycle
     instant%t = event%t
+    instant%y = after%y
+    call system%launch(instant%chart, 0.0_wp, instant%y)
     call system%open_frame(instant, frame)
     call system%pressing(frame, instant%chart, 0.0_wp, instant%y, pressing)
     rate = 0
@@ -237,27 +297,27 @@ contains
     push = merge(rate(2), -rate(2), instant%chart == drive_flank)
   end subroutine accelerations
 
-  !> Multiply by one more factor.
-  pure subroutine apply(self, factor)
+  !> Scale the matrix, exactly, where its numbers become very large or small.
+  pure subroutine keep_in_range(self, n)
     type(tangent_t), intent(inout) :: self
-    real(wp), intent(in) :: factor(2, 2)         !! matrix
+    integer, intent(in) :: n                     !! states in use
     real(wp) :: largest
     integer :: shift
-    self%m = matmul(factor, self%m)
-    largest = maxval(abs(self%m))
+    largest = maxval(abs(self%m(:n, :n)))
     if (.not. largest > 0) return
     shift = exponent(largest)
     if (abs(shift) <= most_exponent) return
-    self%m = scale(self%m, -shift)
+    self%m(:n, :n) = scale(self%m(:n, :n), -shift)
     self%exponent = self%exponent + shift
-  end subroutine apply
+  end subroutine keep_in_range
 
-  !> Some of the deviation is lost for good: from here on at most so many numbers of it are left.
+  !> Some of the tooth's deviation is lost for good: from here on at most so many of its two numbers
+  !> are left.
   pure subroutine forget(self, left)
     type(tangent_t), intent(inout) :: self
     integer, intent(in) :: left                  !! numbers left, 0 or 1
-    self%rank = min(self%rank, left)
-    if (left == 0) self%m = 0
+    self%lost = max(self%lost, 2 - left)
+    if (left == 0) self%m(:2, :) = 0
   end subroutine forget
 
   pure integer function flank_of(event)

@@ -13,9 +13,11 @@ module lapwing_run_checkpoint
   integer, parameter :: work_size = 9
   !> The counts come first: Python reads them there.
   integer, parameter :: at = work_size
-  integer, parameter :: tangent_size = 14
+  integer, parameter :: map_size = max_states**2
+  integer, parameter :: tangent_size = map_size + 10
   integer, parameter :: tangent_at = at + 36 + max_states
-  integer, parameter :: fixed_size = tangent_at + tangent_size
+  integer, parameter :: others_at = tangent_at + tangent_size
+  integer, parameter :: fixed_size = others_at + max_states - 2
   integer, parameter :: blob_size = fixed_size + max_flights
 
 contains
@@ -41,7 +43,8 @@ contains
     blob(at + 29:at + 36) = [sums%flight_depth, sums%cycle_depth, sums%back_penetration, &
         sums%strobe, sums%flight_depth_before, sums%grazes_known_to]
     blob(at + 37:tangent_at) = state%instant%y
-    blob(tangent_at + 1:fixed_size) = pack_tangent(sums%tangent)
+    blob(tangent_at + 1:others_at) = pack_tangent(sums%tangent)
+    blob(others_at + 1:fixed_size) = sums%strobe_others
     n = sums%n_flights
     blob(fixed_size + 1:fixed_size + n) = sums%flight(1:n)
   end subroutine pack_blob
@@ -80,7 +83,8 @@ contains
     sums%strobe = blob(at + 32:at + 34)
     sums%flight_depth_before = blob(at + 35)
     sums%grazes_known_to = blob(at + 36)
-    sums%tangent = unpack_tangent(blob(tangent_at + 1:fixed_size))
+    sums%tangent = unpack_tangent(blob(tangent_at + 1:others_at))
+    sums%strobe_others = blob(others_at + 1:fixed_size)
     work = unpack_work(blob(1:work_size))
     n = sums%n_flights
     sums%flight(1:n) = blob(fixed_size + 1:fixed_size + n)
@@ -96,6 +100,7 @@ contains
     counts = .false.
     counts(1:work_size) = .true.
     counts(at + [4, 15, 16, 17, 32, 33, 34]) = .true.
+    counts(others_at + 1:fixed_size) = .true.
     go_on_alike = all(transfer(merge(0.0_wp, one, counts), zero) &
         == transfer(merge(0.0_wp, other, counts), zero))
   end function go_on_alike
@@ -118,7 +123,7 @@ contains
   pure function pack_tangent(tangent) result(array)
     type(tangent_t), intent(in) :: tangent   !! tangent map since the cycle began
     real(wp) :: array(tangent_size)
-    array = [tangent%m, real([tangent%exponent, tangent%det_sign, tangent%rank, &
+    array = [tangent%m, real([tangent%exponent, tangent%det_sign, tangent%lost, &
         tangent%impacts], wp), tangent%log_det, tangent%contact_time, tangent%log_rebound, &
         tangent%graze_depth, tangent%pending]
   end function pack_tangent
@@ -126,15 +131,17 @@ contains
   pure function unpack_tangent(array) result(tangent)
     real(wp), intent(in) :: array(tangent_size)
     type(tangent_t) :: tangent
-    tangent%m = reshape(array(1:4), [2, 2])
-    tangent%exponent = nint(array(5))
-    tangent%det_sign = nint(array(6))
-    tangent%rank = nint(array(7))
-    tangent%impacts = nint(array(8))
-    tangent%log_det = array(9)
-    tangent%contact_time = array(10:11)
-    tangent%log_rebound = array(12)
-    tangent%graze_depth = array(13)
-    tangent%pending = array(14)
+    tangent%m = reshape(array(:map_size), shape(tangent%m))
+    associate (rest => array(map_size + 1:))
+      tangent%exponent = nint(rest(1))
+      tangent%det_sign = nint(rest(2))
+      tangent%lost = nint(rest(3))
+      tangent%impacts = nint(rest(4))
+      tangent%log_det = rest(5)
+      tangent%contact_time = rest(6:7)
+      tangent%log_rebound = rest(8)
+      tangent%graze_depth = rest(9)
+      tangent%pending = rest(10)
+    end associate
   end function unpack_tangent
 end module lapwing_run_checkpoint

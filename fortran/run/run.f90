@@ -73,7 +73,7 @@ contains
         call look_ahead(recorder, system, flow, segment, target_t, work)
         exit
       end if
-      call record_segment(recorder, system, flow, segment, work)
+      call record_segment(recorder, system, flow, segment, state%instant, work)
       if (status /= status_ok) return
       if (segment%cycle_completed .and. numerics%copy_repeats) then
         call end_of_cycle(repetition, target_cycle, state, recorder, work)

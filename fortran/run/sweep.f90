@@ -6,12 +6,12 @@
 module lapwing_run_sweep
   use lapwing_kinds, only: wp, int64
   use lapwing_codes, only: status_ok, status_unfinished, status_out_of_memory
-  use lapwing_flow_exact_oscillation, only: damped
   use lapwing_flow, only: flow_t, work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
-  use lapwing_run_method, only: make_flow
-  use lapwing_system_oscillator, only: oscillator_t, make_oscillator
+  use lapwing_run_method, only: make_system, make_flow
+  use lapwing_system_oscillator, only: oscillator_t
   use lapwing_system_parameters, only: parameters_t
+  use lapwing_observers_deviations, only: deviations_of
   use lapwing_observers_records, only: recorder_t, start_recording
   use lapwing_run, only: run_to
   use lapwing_system_start, only: start_as_told
@@ -86,7 +86,7 @@ contains
     type(line_t), intent(inout) :: lines(:)          !! its lines
     real(wp), intent(inout) :: blobs(:, :)           !! (blob_size, n_lines) runs under way
     integer(int64), intent(in) :: deadline           !! clock count at which to stop
-    type(oscillator_t), target :: system
+    class(oscillator_t), allocatable, target :: system
     class(flow_t), allocatable :: flow
     integer :: i
     !$omp do schedule(dynamic, 1)
@@ -103,7 +103,8 @@ contains
     type(line_t), intent(inout) :: line              !! the line
     real(wp), intent(inout) :: blob(:)               !! run under way
     integer(int64), intent(in) :: deadline           !! clock count at which to stop
-    type(oscillator_t), intent(inout), target :: system        !! made, or made new, for each point
+    class(oscillator_t), allocatable, intent(inout), target :: system   !! made, or made new, for
+                                                                        !! each point
     class(flow_t), allocatable, intent(inout) :: flow          !! and its way to move; none yet: not
                                                                !! made
     type(hybrid_state_t) :: state
@@ -138,7 +139,7 @@ contains
   subroutine make_point(sweep, point, system, flow, error)
     type(sweep_t), intent(in) :: sweep                         !! the sweep
     type(parameters_t), intent(in) :: point                    !! the point's parameters
-    type(oscillator_t), intent(inout), target :: system        !! another point's; then this one's
+    class(oscillator_t), allocatable, intent(inout), target :: system   !! another's; then its own
     class(flow_t), allocatable, intent(inout) :: flow          !! the same
     integer, intent(out) :: error                              !! 0, or there is no memory for them
     error = 0
@@ -148,7 +149,7 @@ contains
       return
     end if
     if (allocated(flow)) deallocate (flow)
-    call make_oscillator(point, sweep%knots, sweep%coefficients, sweep%kinks, sweep%series, &
+    call make_system(point, sweep%knots, sweep%coefficients, sweep%kinks, sweep%series, &
         system, error)
     if (error == 0) call make_flow(sweep%numerics%method, system, flow, error)
     if (error /= 0 .and. allocated(flow)) deallocate (flow)
@@ -178,7 +179,7 @@ contains
 
   !> Where a point begins: the state the line carries, or rest.
   subroutine start_point(system, line, blob, state)
-    type(oscillator_t), intent(in) :: system         !! the point's oscillator
+    class(oscillator_t), intent(in) :: system        !! the point's oscillator
     type(line_t), intent(in) :: line                 !! the line
     real(wp), intent(in) :: blob(:)                  !! carried: -1 or motion state, phi, phi'
     type(hybrid_state_t), intent(out) :: state       !! state to begin with
@@ -192,7 +193,7 @@ contains
   !> run through the last settling cycle too, and its line is dropped.
   subroutine run_point(sweep, system, flow, line, deadline, state, recorder, work, status, final)
     type(sweep_t), intent(in) :: sweep               !! the sweep
-    type(oscillator_t), intent(in) :: system         !! the point's oscillator
+    class(oscillator_t), intent(in) :: system        !! the point's oscillator
     class(flow_t), intent(in) :: flow                !! how it moves
     type(line_t), intent(inout) :: line              !! the line
     integer(int64), intent(in) :: deadline           !! clock count at which to stop
@@ -236,14 +237,14 @@ contains
   !> Let a recorder write where the point's results go.
   subroutine point_at_output(sweep, system, line, recorder)
     type(sweep_t), intent(in) :: sweep               !! the sweep
-    type(oscillator_t), intent(in) :: system         !! the point's oscillator
+    class(oscillator_t), intent(in) :: system        !! the point's oscillator
     type(line_t), intent(in) :: line                 !! the line
     type(recorder_t), intent(inout) :: recorder      !! recorder
     recorder%cycles => sweep%cycles(:, :, line%point)
     recorder%log => sweep%log(:, :, line%point)
     if (.not. recorder%want_tangent) return
     recorder%tangent => sweep%tangent(:, :, line%point)
-    recorder%contact = damped(0.5_wp*system%damping)
+    recorder%deviations = deviations_of(system)
   end subroutine point_at_output
 
   !> Write a point's outcome, and make the next one ready.

@@ -349,7 +349,7 @@ contains
     integer, intent(in) :: flank                 !! flank the chart refers to
     real(wp), intent(in) :: approach             !! approach velocity, negative: leaves
     real(wp), intent(inout) :: y(max_states)     !! state variables in the flank's chart
-    y(1:self%n_states) = [0.0_wp, merge(approach, -approach, flank == drive_flank)]
+    y(1:2) = [0.0_wp, merge(approach, -approach, flank == drive_flank)]
   end subroutine launch
 
   !> Through a kink theta and theta' are continuous: phi' loses what g' gains.

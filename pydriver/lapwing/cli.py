@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import sys
+from enum import StrEnum
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
@@ -43,6 +44,14 @@ Exit codes, the worst of several decks:
 """ + "\n".join(f"  {code:3} {text}" for code, text in MEANINGS.items()))
 
 Decks = Annotated[list[Path], typer.Argument(metavar="DECK...", help="namelist decks")]
+
+
+class Figures(StrEnum):
+    """Formats of the figures of a run."""
+
+    NONE, PNG, ALL = "none", "png", "all"
+
+
 Settings = Annotated[list[str], typer.Option(
     "--set", metavar="GROUP.KEY=VALUE", help="override a key of the deck; may be repeated")]
 
@@ -66,7 +75,9 @@ def run(decks: Decks,
             min=0, help="threads; 0: OMP_NUM_THREADS, SLURM_CPUS_PER_TASK or all processors")] = 0,
         setting: Settings = [],  # noqa: B006 - typer copies it
         force: Annotated[bool, typer.Option(
-            "--force", help="replace results of other values")] = False):
+            "--force", help="replace results of other values")] = False,
+        figures: Annotated[Figures, typer.Option(
+            help="formats of the figures; all: PNG and PDF")] = Figures.PNG):
     """Run decks: DIR/<deck>/ gets result.nc, figures, summary.md and used.nml.
 
     \b
@@ -79,7 +90,7 @@ def run(decks: Decks,
 
     _refuse_equal_stems(decks)
     raise typer.Exit(_each(decks, setting, lambda deck, progress: _run(
-        deck, out, threads or default_threads(), force, progress)))
+        deck, out, threads or default_threads(), force, progress, figures.value)))
 
 
 @app.command()
@@ -108,10 +119,12 @@ def check(decks: Decks, setting: Settings = []):  # noqa: B006
     Example:
       lapwing check decks/*.nml
     """  # noqa: D301
+    from lapwing.deck.checks.magnitudes import magnitudes
+
     loaded, code = _load(decks, setting)
     for deck in loaded:
         print(f"{deck.path}: good; {_studies(deck)}; {_derived(deck)}"
-              + estimates.stated(deck))
+              + estimates.stated(deck) + f"\n  {magnitudes(deck)}")
     raise typer.Exit(code)
 
 
@@ -262,13 +275,14 @@ def _refused(error, prefix="", path=None):
     return exit_codes.of_error(error)
 
 
-def _run(deck, out, threads, force, progress):
+def _run(deck, out, threads, force, progress, figures):
     """Run one deck and report; returns its exit code."""
     from lapwing.results.store import StoreError
     from lapwing.run import run_deck
 
     try:
-        outcome = run_deck(deck, out, threads=threads, force=force, progress=progress)
+        outcome = run_deck(deck, out, threads=threads, force=force, progress=progress,
+                           figures=figures)
     except StoreError as error:
         _complain(str(error))
         return BAD_INPUT
@@ -284,9 +298,11 @@ def _run(deck, out, threads, force, progress):
     if outcome.reused:
         print(f"{deck.title}: results of the same values are there already, reused: "
               f"{outcome.folder}")
+        _say_findings(outcome.findings)
         return OK
     what = "stopped; what is finished lies in" if outcome.interrupted else "done, results in"
     print(f"{deck.title}: {what} {outcome.folder}")
+    _say_findings(outcome.findings)
     for line in outcome.headlines:
         print(f"  {line}")
     for study in outcome.failed:
@@ -302,7 +318,8 @@ def _run(deck, out, threads, force, progress):
 
 def _critical(deck, threads, progress):
     """Search and print the critical values of one deck; returns its exit code."""
-    from lapwing.report.critical import critical_text
+    from lapwing.report.answers.findings import findings
+    from lapwing.report.critical import critical_table, critical_text
     from lapwing.studies.critical.study import critical_study
 
     if not deck.criticals:
@@ -319,9 +336,19 @@ def _critical(deck, threads, progress):
         return _refused(error, f"{deck.title}: ")
     finally:
         progress.close()
-    print(f"# {deck.title}\n\n" + "\n".join(critical_text(found)))
+    print(f"# {deck.title}\n")
+    _say_findings(findings((), found, ()))
+    print("\n".join(["", *critical_table(found), "", *critical_text(found)]))
     failed = any("trial_failed" in one and int(one["trial_failed"].sum()) for one in found)
     return FAILED if failed else OK
+
+
+def _say_findings(found):
+    """The findings, ahead of everything else."""
+    from lapwing.report.answers.findings import on_console
+
+    if found:
+        print(on_console(found))
 
 
 def _telling(title, what):

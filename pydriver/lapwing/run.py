@@ -35,6 +35,8 @@ RESULT_FILE = "result.nc"
 USED_DECK = "used.nml"
 SUMMARY = "summary.md"
 FILES = (RESULT_FILE, USED_DECK, SUMMARY)
+# Formats of figures by what is asked for.
+FIGURES = {"none": (), "png": ("png",), "all": ("png", "pdf")}
 # Of a folder in which an interrupted run keeps what it finished beside complete results.
 INTERRUPTED = ".interrupted"
 
@@ -55,6 +57,7 @@ class Outcome:
     failed : tuple of str, studies in which some run failed numerically
     undrawn : dict of name -> str, figures that could not be drawn, and why
     refused : bool, whether disk or memory is to blame for one of them
+    findings : tuple of str, what the run found, as the summary begins
     headlines : tuple of str, the main result of each study
     notes : tuple of str, what was found damaged and done again, and what was taken over
     """
@@ -65,6 +68,7 @@ class Outcome:
     failed: tuple = ()
     undrawn: dict = field(default_factory=dict)
     refused: bool = False
+    findings: tuple = ()
     headlines: tuple = ()
     notes: tuple = ()
 
@@ -90,7 +94,7 @@ class _There:
         return self.manifest.state == COMPLETE if self.manifest else bool(self.known)
 
 
-def run_deck(deck, parent, *, threads, force=False, progress=None):
+def run_deck(deck, parent, *, threads, force=False, progress=None, figures="all"):
     """Run a deck into `parent`/<deck>.
 
     1. Take the folder's lock; clear what a run that was killed left beside it.
@@ -109,6 +113,7 @@ def run_deck(deck, parent, *, threads, force=False, progress=None):
     threads : int; threads that compute, and processes that draw; no result depends on it
     force : bool, whether everything is computed anew and other results are replaced
     progress : object with `study(label, total, unit)` giving a callable(fraction), or None
+    figures : 'none', 'png' or 'all' (PNG and PDF); formats that are there already are kept up
 
     Returns
     -------
@@ -128,7 +133,7 @@ def run_deck(deck, parent, *, threads, force=False, progress=None):
         recover(folder)
         there = _inspect(folder)
         _refuse_others(deck, folder, there, force)
-        return _Run(deck, folder, there, threads, progress).carry_out(force)
+        return _Run(deck, folder, there, threads, progress, FIGURES[figures]).carry_out(force)
 
 
 def folder_of(stem, parent):
@@ -221,10 +226,14 @@ def _refuse_others(deck, folder, there, force):
 class _Run:
     """One deck under way, its folder locked."""
 
-    def __init__(self, deck, folder, there, threads, progress):
+    def __init__(self, deck, folder, there, threads, progress, formats):
         self.deck, self.folder, self.there, self.threads = deck, folder, there, threads
         self.report = progress.study if progress else (lambda *_: (lambda _: None))
         self.inputs, self.notes = used_hash(deck), []
+        present = _formats_in(there.manifest)
+        # What was asked for is there already; formats once drawn are drawn again with the rest.
+        self.drawn_already = set(formats) <= set(present)
+        self.formats = tuple(sorted({*formats, *present}, reverse=True))
         self.aside = folder.with_name(folder.name + INTERRUPTED)
         # A verified result file that lacks nothing, and its checksums, where there is one.
         self.whole = None
@@ -232,11 +241,12 @@ class _Run:
     def carry_out(self, force):
         """Reuse, draw again, or compute; the `Outcome`."""
         from lapwing.plots.crew import Crew
+        from lapwing.report.answers.findings import told_in
         from lapwing.studies.of_deck import compute
 
         known = {} if force else self._known()
         if known is None:
-            return Outcome(self.folder, reused=True)
+            return Outcome(self.folder, reused=True, findings=told_in(_read(self.folder / SUMMARY)))
         estimates.require_disk(self.deck, self.folder)
         with Crew(self.threads) as crew:
             found = compute(self.deck, self.threads, self.report, known)
@@ -251,7 +261,7 @@ class _Run:
                                   "be verified: computed again")
         else:
             damaged = manifest.damaged(self.folder)
-            if not damaged and manifest.state == COMPLETE:
+            if not damaged and manifest.state == COMPLETE and self.drawn_already:
                 return None
             for name, wrong in damaged.items():
                 again = "computed" if name == RESULT_FILE else "made"
@@ -285,6 +295,7 @@ class _Run:
     def _publish(self, found, crew):
         """Write everything aside and publish it."""
         from lapwing.plots import FORMATS
+        from lapwing.report.answers.findings import told_in
         from lapwing.report.headlines import headlines
         from lapwing.results import engine_digest
         from lapwing.studies.of_deck import studies_of
@@ -301,6 +312,7 @@ class _Run:
             try:
                 with held():
                     variables = self._write(found, staging.path)
+                    told = told_in(_read(staging.path / SUMMARY))
             except KeyboardInterrupt:
                 stopped = True  # raised at the end of the block: the files are whole
             if not stopped:
@@ -326,7 +338,7 @@ class _Run:
         missing = [(kind, name) for kind, name in studies_of(self.deck)
                    if name not in found.studies[kind]]
         return Outcome(folder, interrupted=not drawn, failed=found.failed(), undrawn=undrawn,
-                       refused=refused, notes=tuple(self.notes),
+                       refused=refused, findings=told, notes=tuple(self.notes),
                        headlines=headlines(found.studies, missing))
 
     def _write(self, found, folder):
@@ -358,16 +370,26 @@ class _Run:
         from lapwing.plots import FigureError, draw_all
         from lapwing.results import read_results
 
+        if not self.formats:
+            return {}, False
         done = self.report("figures", 100, "%")
         with read_results(folder / RESULT_FILE, check=False) as results:
             try:
-                draw_all(results, folder, progress=done, crew=crew)
+                draw_all(results, folder, formats=self.formats, progress=done, crew=crew)
             except FigureError as error:
                 if error.of_surroundings and self.there.complete:  # which lack nothing: they stay
                     probe(folder)
                     raise OSError(errno.EIO, str(error), str(folder)) from error
                 return error.failures, error.of_surroundings
         return {}, False
+
+
+def _formats_in(manifest):
+    """Formats of figures that a manifest lists; of the curve's figure, which all results have."""
+    from lapwing.plots import FORMATS, TE_FIGURE
+
+    return () if manifest is None else tuple(
+        suffix for suffix in FORMATS if f"{TE_FIGURE}.{suffix}" in manifest.files)
 
 
 def _te_source(deck):

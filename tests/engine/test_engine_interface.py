@@ -94,9 +94,10 @@ def test_sizes_are_those_of_the_engine():
                         (records.OUTCOME_TABLE, 5 + calls.WORK_SIZE)):
         assert table.itemsize == 8 * size
     text = source("api/api.f90")
-    for rows in (f"log({calls.LOG_COLUMNS}, n_log)", f"cycles({calls.CYCLE_COLUMNS}, n_cycles)",
-                 f"samples({calls.SAMPLE_COLUMNS}, n_samples)",
-                 f"tangent({calls.TANGENT_COLUMNS}, n_tangent)", "coefficients(6, n_pieces)"):
+    for rows in (f"log({calls.LOG_COLUMNS}, n_log)",
+                 f"cycles({calls.CYCLE_COLUMNS} + n_more, n_cycles)",
+                 f"samples({calls.SAMPLE_COLUMNS} + n_more, n_samples)",
+                 "tangent(n_tangent_columns, n_tangent)", "coefficients(6, n_pieces)"):
         assert rows in text
 
 

@@ -38,12 +38,14 @@ module test_systems
     procedure :: derivatives => forced_rate, pressing => forced_pressing
   end type forced_mass_t
 
-  !> Two masses in a row, each on a spring, coupled by a third; the first one meets the wall.
+  !> Two masses in a row, each on a spring, coupled by a third, and by a damper if there is one; the
+  !> first one meets the wall.
   !> y = (x1, v1, x2, v2). `wall_stiffness` acts in contact.
   type, extends(plain_system_t) :: two_masses_t
     real(wp) :: mass(2) = 1                     !! masses
     real(wp) :: stiffness(2) = 1                !! to the ground
     real(wp) :: coupling = 1                    !! between them
+    real(wp) :: damper = 0                      !! between them
     real(wp) :: wall_stiffness = 0              !! in contact
   contains
     procedure :: derivatives => two_masses_rate, pressing => two_masses_pressing
@@ -323,7 +325,7 @@ contains
     real(wp), intent(in) :: z(:)
     real(wp), intent(out) :: rate(:)
     real(wp) :: between
-    between = self%coupling*(z(1) - z(3))
+    between = self%coupling*(z(1) - z(3)) + self%damper*(z(2) - z(4))
     rate(1) = z(2)
     rate(2) = -(self%stiffness(1)*z(1) + between)/self%mass(1)
     rate(3) = z(4)
@@ -340,16 +342,18 @@ contains
     real(wp), intent(in) :: s
     real(wp), intent(in) :: z(max_states)
     real(wp), intent(out) :: c(0:max_degree)
-    real(wp) :: x2(0:max_degree), wall
+    real(wp) :: x2(0:max_degree + 1), wall
     integer :: k
     wall = self%wall(flank)
     x2(0:1) = z(3:4)
-    do k = 2, max_degree
-      x2(k) = -(self%stiffness(2) + self%coupling)*x2(k - 2)
+    do k = 2, max_degree + 1
+      x2(k) = -(self%stiffness(2) + self%coupling)*x2(k - 2) - self%damper*(k - 1)*x2(k - 1)
       if (k == 2) x2(k) = x2(k) + self%coupling*wall
       x2(k) = x2(k)/(self%mass(2)*k*(k - 1))
     end do
-    c = self%coupling*x2/self%mass(1)
+    do k = 0, max_degree
+      c(k) = (self%coupling*x2(k) + self%damper*(k + 1)*x2(k + 1))/self%mass(1)
+    end do
     c(0) = c(0) - (self%stiffness(1) + self%coupling)*wall/self%mass(1)
     if (flank == coast_flank) c = -c
   end subroutine two_masses_pressing

@@ -3,7 +3,6 @@ program test_tangent_map
   use assertions, only: tally_t
   use lapwing_codes, only: separation, engagement, back_engagement, law_compliant, law_rigid, &
       law_relative, law_absolute, status_ok
-  use lapwing_flow_exact_oscillation, only: damped
   use lapwing_flow, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
   use lapwing_flow_rk4_rk4_flow, only: rk4_flow_t
@@ -11,6 +10,7 @@ program test_tangent_map
   use lapwing_system_oscillator, only: oscillator_t
   use test_systems, only: oscillator
   use lapwing_system_parameters, only: parameters_t
+  use lapwing_observers_deviations, only: deviations_of
   use lapwing_observers_records, only: recorder_t, cycle_columns
   use lapwing_run, only: run_to, deadline_in
   use lapwing_system_start, only: start_from
@@ -72,7 +72,7 @@ contains
     integer :: status
     recorder%want_cycles = .true.
     recorder%want_tangent = .true.
-    recorder%contact = damped(0.5_wp*system%damping)
+    recorder%deviations = deviations_of(system)
     recorder%cycles => cycles
     recorder%tangent => rows
     state%instant = start_from(system, 0.0_wp, motion_state, y(1), y(2))

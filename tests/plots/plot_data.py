@@ -43,7 +43,7 @@ def make_sweeps():
     """A normal one, one that fails, one of another parameter, one without impacts and exponents."""
     options = {"settle": 30, "record": 20, "impact_law": "absolute", "pinion_speed_rpm": 240}
     impacts = {"max_impacts": 60,
-               "observe": ("cycles", "impacts", "exponents", "speeds", "spectra")}
+               "observe": ("cycles", "impacts", "exponents", "speeds", "spectra", "amplitudes")}
     speed = {key: options[key] for key in ("settle", "record", "impact_law")}
     return {
         "torque": as_in_a_deck(sweep(PAIR, SHIPPED, values=np.linspace(1, 14, 14), **impacts,

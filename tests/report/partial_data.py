@@ -7,7 +7,7 @@ from lapwing import Status, sweep
 from lapwing.results.variables import described
 
 OPTIONS = {"settle": 30, "record": 20, "pinion_speed_rpm": 240, "max_impacts": 60,
-           "observe": ("cycles", "impacts", "exponents", "speeds", "spectra")}
+           "observe": ("cycles", "impacts", "exponents", "speeds", "spectra", "amplitudes")}
 TORQUES = np.array([0.6, 1.8, 5.0, 11.0, 12.0, 12.2, 13.0, 14.0])
 KEPT = {"full_engagement": 11.9167454, "full_engagement_phase": 0.951457}
 

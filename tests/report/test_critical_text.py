@@ -9,15 +9,15 @@ import lapwing
 from helpers import PAIR, SHIPPED
 from lapwing import StartGrid, TransmissionError
 from lapwing.base.codes import SearchStage
-from lapwing.report.critical import critical_text, decimals, headline
+from lapwing.report.critical import critical_table, critical_text, decimals, headline
 
 ABSOLUTE = {"pinion_speed_rpm": 240, "impact_law": "absolute"}
 SMALL = {"starts": StartGrid(2, 2, 2), "settle": 40, "record": 20, **ABSOLUTE}
 
 
 def text(*datasets):
-    return "\n".join(critical_text([one.assign_attrs(name=f"n{i}")
-                                    for i, one in enumerate(datasets)]))
+    named = [one.assign_attrs(name=f"n{i}") for i, one in enumerate(datasets)]
+    return "\n".join([*critical_table(named), *critical_text(named)])
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ from partial_studies import (
 )
 
 from lapwing import plots
-from lapwing.report.critical import critical_text, headline
+from lapwing.report.critical import critical_table, critical_text, headline
 from lapwing.report.headlines import headlines
 from lapwing.report.response import _legend, _paragraph, _table
 
@@ -113,7 +113,7 @@ def test_every_figure_of_a_response_shows_results_alone(responses, name, damage,
 def search_said(data):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        return "\n".join([*critical_text([data]), headline(data)])
+        return "\n".join([*critical_table([data]), *critical_text([data]), headline(data)])
 
 
 @pytest.mark.parametrize("damage", SEARCH_DAMAGES, ids=lambda one: one.__name__)

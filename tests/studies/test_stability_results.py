@@ -139,8 +139,8 @@ def test_summary(results):
     assert "the other lost in complete chatter (exponent -∞)" in text
     assert "no period up to 24 mesh cycles (chaos: nearby motions part)" in text
     assert "forgets every deviation (largest Lyapunov exponent -∞)" in text
-    assert "- chaos (all of the 95 % interval of the largest Lyapunov exponent above zero): " \
-           "at 6 of 15 motions" in text
+    assert ("- chaos (all of the 95 % interval of the largest Lyapunov exponent above zero): "
+            "at 6 of 15 motions") in text
     assert text.count("- checks of the exponents kept") == 2
     assert "broken" not in text
 

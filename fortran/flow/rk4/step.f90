@@ -61,16 +61,18 @@ contains
   !> Largest estimated error of a step in contact in units of the tolerance. Where that would refuse
   !> the step, what is rounding of the rates is left out: of terms of the coordinates' size that
   !> cancel, as in a tooth that creeps to rest. In contact time has the spring's unit, and position
-  !> and velocity share another.
+  !> and velocity share another; a coordinate counts against its own scale.
   pure real(wp) function ratio_in_contact(h, z, error, scale, tolerance) result(ratio)
     real(wp), intent(in) :: h                     !! step
     real(wp), intent(in) :: z(:)                  !! coordinates at its beginning
     real(wp), intent(in) :: error(:)              !! estimated error of each
     real(wp), intent(in) :: scale(:)              !! natural size of each
     real(wp), intent(in) :: tolerance             !! relative tolerance of the run
+    real(wp) :: size
     ratio = error_ratio(error, scale, tolerance)
     if (.not. ratio > 1) return
-    ratio = error_ratio(merge(0.0_wp, error, error <= rounding*h*maxval(abs(z))), scale, tolerance)
+    size = maxval(abs(z)*(scale(1)/scale))
+    ratio = error_ratio(merge(0.0_wp, error, error <= rounding*h*size), scale, tolerance)
   end function ratio_in_contact
 
   !> Where a step of length h ends, and nothing else.

@@ -5,7 +5,8 @@ A study is a group of the deck, of the results, of the summary and of the figure
 keys    its keys in a deck, their checks and what follows from them (`deck.declare.StudyKeys`)
 study   how it is carried out: `carry_out(deck, study, order, threads, done)`, `extent(study)` and
         `failed(dataset)`
-report  `headline(dataset)` in one line, and `section(datasets, results)`, lines of the summary
+report  `headline(dataset)` in one line, `section(datasets, results)`, lines of the summary, and
+        where all are told together first, `table(datasets)`
 figures modules of `lapwing.plots` with a `draw(dataset, gear_pair, ...)` and, where not every
         dataset has something to show, a `shows(dataset)`
 
@@ -31,7 +32,7 @@ class Study:
     keys : str, module and class of its keys
     study, report : str, modules
     figures : tuple of str, modules below `lapwing.plots`, in reading order
-    turn : int, when it is carried out: those of the deck in rising order
+    turn, told : int, its place when the studies of a deck are carried out, and in the summary
     side_by_side : bool, whether several are carried out at once, each by one thread
     """
 
@@ -42,6 +43,7 @@ class Study:
     report: str
     figures: tuple[str, ...]
     turn: int
+    told: int
     side_by_side: bool = False
 
     def part(self, name: str) -> Any:
@@ -56,14 +58,20 @@ STUDIES = {study.kind: study for study in (
     Study("response", "response", "deck.keys.response:ResponseKeys", "studies.response.study",
           "report.response",
           ("response.history", "response.phase_portrait", "response.impact_section",
-           "response.spectrum"), turn=1, side_by_side=True),
+           "response.spectrum", "response.shaft_motion"), turn=1, told=3, side_by_side=True),
     Study("sweep", "sweep", "deck.keys.sweep:SweepKeys", "studies.sweep.study", "report.sweep",
           ("sweep.orbit_diagram", "sweep.deepest_separation", "sweep.staircase",
-           "sweep.exponents", "sweep.impact_speed_density", "sweep.waterfall"), turn=3),
+           "sweep.amplitudes", "sweep.exponents", "sweep.impact_speed_density",
+           "sweep.waterfall"), turn=3, told=2),
     Study("critical", "critical value", "deck.keys.critical:CriticalKeys",
-          "studies.critical.study", "report.critical", ("critical_search",), turn=2))}
+          "studies.critical.study", "report.critical", ("critical_search",), turn=2, told=1))}
 
 
 def carried_out() -> list[Study]:
-    """The studies in the order they are carried out and told of."""
+    """The studies in the order they are carried out."""
     return sorted(STUDIES.values(), key=lambda study: study.turn)
+
+
+def told() -> list[Study]:
+    """The studies in the order of the summary."""
+    return sorted(STUDIES.values(), key=lambda study: study.told)

@@ -9,6 +9,7 @@ from pydantic import ValidationError
 from lapwing.base.messages import cut
 from lapwing.deck import schema
 from lapwing.deck.checks import assemble as checks
+from lapwing.deck.checks import hints
 from lapwing.deck.parser import Entry, Group, excess_of, lex_value, parse, read_deck
 from lapwing.deck.problems import DeckError, Place, Report, nearest
 from lapwing.deck.values import (
@@ -160,7 +161,8 @@ class _GroupReader:
         if entry.key not in self._fields:
             homes = [name for name, group in schema.GROUPS.items()
                      if entry.key in schema.fields(group)]
-            hint = f"it belongs to &{homes[0]}" if homes else nearest(entry.key, self._fields)
+            hint = hints.of_key(entry.key, self._fields) or (
+                f"it belongs to &{homes[0]}" if homes else nearest(entry.key, self._fields))
             self._report.add(entry.place, f"unknown key {cut(entry.key)} in &{self.name}; {hint}")
             return
         values = read_values(entry, self._report)
@@ -193,7 +195,8 @@ class _GroupReader:
             text = f"{key} = {cut(first)} {cut(rest)}: {_after_number(first, rest, kind)}"
         else:
             text = (f"{key} = {source}: several values, expected {kind.expected}"
-                    + f"; write {whole} if thousands are meant" * bool(whole))
+                    + f"; write {whole} if thousands are meant" * bool(whole)
+                    + f"; {hints.of_parameters(',')}" * (key == "parameter"))
         self._report.add(place, text)
 
     def _warn_of_commas(self, key, values, kind):
@@ -217,10 +220,10 @@ class _GroupReader:
                 self._report.add(self.key_places[last],
                                  f"{' and '.join(given)} are {both} given; "
                                  f"expected one of {', '.join(names)}")
-            elif model.needed and not any(map(self._mentioned, names)):
+            elif model.needed and not any(map(self.mentioned, names)):
                 self._report.add(self.place, f"&{self.name} lacks one of {', '.join(names)}")
 
-    def _mentioned(self, key):
+    def mentioned(self, key):
         """Whether a key is given, or meant by something that is refused already."""
         unknown = [name for name in self.key_places if name not in self._fields]
         stray = [value.text.lower() for values in self._values.values() for value in values
@@ -274,6 +277,8 @@ def _quoted(value, kind):
 
 def _remark(value, kind):
     """A guess at what was meant."""
+    if hints.of_quotes(value.text):
+        return hints.of_quotes(value.text)
     if kind.kind is str and isinstance(value.value, Bare | bool):
         return f"text goes in quotes: '{cut(value.text)}'"
     if kind.choices and isinstance(value.value, str):

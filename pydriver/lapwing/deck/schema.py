@@ -33,8 +33,9 @@ class GearPairKeys(Group):
     backlash: float = key(text="θ0, angular play of the relative angle θ1 - i12·θ2; what the "
                           "pinion can be turned, the gear held", unit="rad", example=0.002,
                           ge=1e-9, le=1)
-    restitution: float = key(text="ε, coefficient of restitution; not used with contact_law "
-                             "'compliant'", example=0.8, ge=0, le=1)
+    restitution: float | None = key(None, "ε, coefficient of restitution; needed unless "
+                                    "contact_law = 'compliant', which does not use it",
+                                    example=0.8, ge=0, le=1)
     damping_ratio: float | None = key(None, "ξ, damping ratio of the mesh", example=0.1,
                                       ge=0, le=100)
     mesh_damping: float | None = key(None, "c', damping of the mesh along the normal",
@@ -82,6 +83,10 @@ class SceneKeys(Group):
         "θ0 is half of the play: at 0 and -2·θ0; 'one_flank': the drive flank alone")
     back_flank_te: bool = key(True, "whether the coast flank moves with the transmission error, "
                               "too")
+    degrees_of_freedom: int = key(
+        1, "1: the relative angle of the wheels; 2: their mean rotation as well, which a "
+        "drive_torque other than the balance speeds up or slows down (docs/model.md, section 11; "
+        "not with contact_law 'rigid', nor with method 'exact')", ge=1, le=2)
 
 
 class NumericsKeys(Group):

@@ -13,7 +13,8 @@ _HEAD = """\
 ! default, or an example where there is none. Numbers are in the unit given, without naming it.
 """
 # Of the keys that exclude each other, the ones the template uses; and what makes it a useful deck.
-_CHOSEN = {"gear_pair": {"damping_ratio"}, "transmission_error": {"parabola_amplitude"},
+_CHOSEN = {"gear_pair": {"restitution", "damping_ratio"},
+           "transmission_error": {"parabola_amplitude"},
            "operation": {"brake_torque", "pinion_speed_rpm"}}
 _EXAMPLES = {"count": [70]}
 _COLUMN, _WIDTH = 36, 60

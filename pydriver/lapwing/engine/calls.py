@@ -20,8 +20,9 @@ from lapwing.engine.records import (
     EVENT_TABLE,
     OUTCOME_TABLE,
     SAMPLE_TABLE,
-    TANGENT_TABLE,
     named,
+    tangent_table,
+    with_means,
     work_counts,
 )
 from lapwing.model.linear_response import response_amplification
@@ -55,7 +56,7 @@ def _series_is_taken(osc):
     return 0 < len(osc.te.harmonics) <= MAX_TERMS
 
 
-def _table_arguments(oscillators, method="rk4"):
+def _table_arguments(oscillators, method=None):
     """Knots, coefficients, kinks and series shared by all oscillators.
 
     Only differences of g matter unless the coast flank stands still; the table is then shifted
@@ -66,10 +67,14 @@ def _table_arguments(oscillators, method="rk4"):
     if method == "exact" and _series_is_taken(oscillators[0]):
         return (np.array([0.0, 1.0]), np.zeros((6, 1), order="F"), np.zeros(1, dtype=np.intc),
                 np.asfortranarray(te.harmonics.T))
-    coefficients = np.asfortranarray(te.coefficients.T.copy())
+    knots, coefficients = te.knots, te.coefficients
+    if method == "rk4" and _series_is_taken(oscillators[0]):
+        knots, coefficients = te.fine_table
+    coefficients = np.asfortranarray(coefficients.T.copy())
     if oscillators[0].back_flank_te:
         coefficients[0] -= 0.5 * sum(te.extrema)
-    return te.knots, coefficients, te.kinks.astype(np.intc), NO_SERIES
+    kinks = np.zeros(knots.size - 1, np.intc) if knots is not te.knots else te.kinks
+    return knots, coefficients, kinks.astype(np.intc), NO_SERIES
 
 
 def method_of(osc, numerics):
@@ -77,13 +82,18 @@ def method_of(osc, numerics):
 
     The closed form of contact is a periodic response plus a free oscillation. Near an undamped
     resonance both grow without bound and leave no digits in their sum; RK4 has no such trouble.
+    Two degrees of freedom have no closed form here.
 
     Raises
     ------
     ValueError
-        where 'exact' is asked for and the response is more than `MOST_AMPLIFIED` times its cause.
+        where 'exact' is asked for and there is none, or the response is more than `MOST_AMPLIFIED`
+        times its cause.
     """
-    if numerics.method == "rk4":
+    if numerics.method == "exact" and osc.degrees_of_freedom == 2:
+        raise ValueError("method = 'exact' goes with degrees_of_freedom = 1, expected 'rk4' or "
+                         "'auto'")
+    if numerics.method == "rk4" or osc.degrees_of_freedom == 2:
         return "rk4"
     amplified = response_amplification(osc)
     span = osc.period * max(1.0, 2 * osc.damping_ratio)
@@ -113,7 +123,8 @@ def _real_parameters(osc, numerics, method, wanted):
     return [osc.force, osc.mesh_frequency_ratio, osc.flank_scale, high - low, osc.damping_ratio,
             osc.restitution, osc.backlash, numerics.rtol, chatter_tol, numerics.count_depth,
             wanted.graze_distance, *(wanted.speed_edges[::len(wanted.speed_edges) - 1]
-                                     if wanted.speed_edges else (1.0, 2.0))]
+                                     if wanted.speed_edges else (1.0, 2.0)),
+            osc.mean_rotation.acceleration if osc.mean_rotation else 0.0]
 
 
 def _choices(osc, numerics, method, wanted, settle=0, record=0):
@@ -121,7 +132,7 @@ def _choices(osc, numerics, method, wanted, settle=0, record=0):
              Gap[osc.gap.upper()], osc.back_flank_te, numerics.max_events_per_cycle,
              numerics.max_steps_per_cycle, wanted.events, wanted.impacts, wanted.grazes,
              wanted.strobe or wanted.tangent, wanted.cycles, settle, record,
-             Method[method.upper()], wanted.tangent, numerics.copy_repeats)
+             Method[method.upper()], wanted.tangent, numerics.copy_repeats, osc.degrees_of_freedom)
     return np.array([int(code) for code in codes], dtype=np.intc)
 
 
@@ -146,7 +157,8 @@ class TrajectoryCall:
     """One trajectory under way: repeated bounded calls from a start, or from a blob, to a target.
 
     After `run`, `events`, `cycles`, `samples` and, where it is wanted, `tangent` are tables of
-    `records`: structured arrays (n,).
+    `records`: structured arrays (n,). With two degrees of freedom `cycle_means` and `sample_means`
+    are beside them, else None.
     """
 
     def __init__(self, osc, start, blob=None, cycle=0, *, numerics, wanted):
@@ -157,6 +169,7 @@ class TrajectoryCall:
         self._start = np.array(start, dtype=float)
         self.blob = np.zeros(BLOB_SIZE) if blob is None else blob.copy()
         self._wanted = wanted
+        self._more = 2 * osc.degrees_of_freedom - 2
         self.cycle = cycle
 
     def run(self, target, sample_times):
@@ -165,7 +178,7 @@ class TrajectoryCall:
         log = np.zeros((LOG_COLUMNS, LOG_ROOM if wants_log else 1), order="F")
         by_cycle = self._wanted.cycles or self._wanted.strobe or self._wanted.tangent
         room = 4096 if by_cycle else 1
-        samples = np.full((SAMPLE_COLUMNS, len(sample_times)), np.nan, order="F")
+        samples = np.full((SAMPLE_COLUMNS + self._more, len(sample_times)), np.nan, order="F")
         times = np.asfortranarray(np.asarray(sample_times, dtype=float).reshape(-1, 2).T)
         logs, cycles, tangents, sampled, cycle = [], [], [], 0, self.cycle
         while True:
@@ -173,9 +186,10 @@ class TrajectoryCall:
             step_target = target
             if room > 1 and target[0] - cycle > room:
                 step_target = (cycle + room, 0.0)
-            table = np.zeros((CYCLE_COLUMNS, room), order="F")
-            tangent = np.zeros((TANGENT_COLUMNS, room if self._wanted.tangent else 1), order="F")
-            rest = np.full((SAMPLE_COLUMNS, max(1, samples.shape[1] - sampled)), np.nan, order="F")
+            table = np.zeros((CYCLE_COLUMNS + self._more, room), order="F")
+            width = tangent_table(2 + self._more).itemsize // 8
+            tangent = np.zeros((width, room if self._wanted.tangent else 1), order="F")
+            rest = np.full((len(samples), max(1, samples.shape[1] - sampled)), np.nan, order="F")
             rest_times = np.asfortranarray(times[:, sampled:] if sampled < times.shape[1]
                                            else NO_SAMPLE)
             done = api.trajectory(
@@ -196,9 +210,10 @@ class TrajectoryCall:
         self.cycle, self.t, self.motion_state, self.phi, self.phi_dot = (
             cycle, done[4], int(done[5]), done[6], done[7])
         self.events = named(np.vstack(logs), EVENT_TABLE)
-        self.cycles = named(np.vstack(cycles), CYCLE_TABLE)
-        self.samples = named(samples.T, SAMPLE_TABLE)
-        self.tangent = named(np.vstack(tangents), TANGENT_TABLE) if self._wanted.tangent else None
+        self.cycles, self.cycle_means = with_means(np.vstack(cycles), CYCLE_TABLE)
+        self.samples, self.sample_means = with_means(samples.T, SAMPLE_TABLE)
+        self.tangent = named(np.vstack(tangents), tangent_table(2 + self._more)) \
+            if self._wanted.tangent else None
         return self
 
     @property
@@ -211,13 +226,14 @@ class TrajectoryCall:
 class SweepResult:
     """Tables of a sweep (`records`): outcome (points,), cycles (points, record), events.
 
-    `events` is (points, log_room), NaN where nothing was met; `tangent` (points, record) where it
-    was wanted; `density` an array (points, bins + 2); `cpu_seconds` is the processor time spent
-    inside the compiled engine.
+    `events` is (points, log_room), NaN where nothing was met; `cycle_means` (points, record), None
+    with one degree of freedom; `tangent` (points, record) where it was wanted; `density` an array
+    (points, bins + 2); `cpu_seconds` is the processor time spent inside the compiled engine.
     """
 
     outcome: np.ndarray
     cycles: np.ndarray
+    cycle_means: np.ndarray | None
     tangent: np.ndarray
     density: np.ndarray
     events: np.ndarray
@@ -263,9 +279,10 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
     starts = np.asfortranarray(np.array(starts, dtype=float).reshape(-1, 4).T)
     blobs = np.zeros((BLOB_SIZE, len(lines)), order="F")
     wants_cycles = wanted.cycles or wanted.strobe or wanted.tangent
-    cycles = np.full((CYCLE_COLUMNS, record if wants_cycles else 1, n), np.nan, order="F")
-    tangent = np.full((TANGENT_COLUMNS, *((record, n) if wanted.tangent else (1, 1))), np.nan,
-                      order="F")
+    more = 2 * oscillators[0].degrees_of_freedom - 2
+    cycles = np.full((CYCLE_COLUMNS + more, record if wants_cycles else 1, n), np.nan, order="F")
+    width = tangent_table(2 + more).itemsize // 8
+    tangent = np.full((width, *((record, n) if wanted.tangent else (1, 1))), np.nan, order="F")
     density = np.zeros((len(wanted.speed_edges) + 1, n) if wanted.speed_edges else (1, 1),
                        order="F")
     waits = wanted.events or wanted.grazes
@@ -295,9 +312,9 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
         if wanted.tangent:
             tangent[:, :, outcome[0] == Status.UNFINISHED] = np.nan
         log[:, :, outcome[0] == Status.UNFINISHED] = np.nan
-    return SweepResult(named(outcome.T, OUTCOME_TABLE),
-                       named(cycles.transpose(2, 1, 0), CYCLE_TABLE),
-                       named(tangent.transpose(2, 1, 0), TANGENT_TABLE), density.T,
+    cycles, means = with_means(cycles.transpose(2, 1, 0), CYCLE_TABLE)
+    return SweepResult(named(outcome.T, OUTCOME_TABLE), cycles, means,
+                       named(tangent.transpose(2, 1, 0), tangent_table(2 + more)), density.T,
                        named(log.transpose(2, 1, 0), EVENT_TABLE), interrupted, cpu_seconds)
 
 

@@ -36,10 +36,28 @@ WORK_NAMES = ("steps", "rejected_steps", "polish_steps", "drive_flank_searches",
 
 EVENT_TABLE, SAMPLE_TABLE, CYCLE_TABLE = (
     np.dtype([(name, float) for name in columns]) for columns in (EVENT, SAMPLE, CYCLE))
-TANGENT_TABLE = np.dtype([("matrix", float, (2, 2)), *((name, float) for name in TANGENT)])
+# Behind the columns of a sample or a cycle, where there are two degrees of freedom.
+MEAN = {"mean_angle": "rad", "mean_rate": RATE}
+MEAN_TABLE = np.dtype([(name, float) for name in MEAN])
 # How each point of a sweep ended: `logged` lines of its log were met, also those without room.
 OUTCOME_TABLE = np.dtype([(name, float) for name in ("status", "logged", *SAMPLE)]
                          + [("work", float, (len(WORK_NAMES),))])
+
+
+def tangent_table(states: int = 2) -> np.dtype[Any]:
+    """Table of tangent maps of a system with so many states."""
+    return np.dtype([("matrix", float, (states, states)), *((name, float) for name in TANGENT)])
+
+
+TANGENT_TABLE = tangent_table()
+
+
+def with_means(rows: NDArray[Any],
+               table: np.dtype[Any]) -> tuple[NDArray[Any], NDArray[Any] | None]:
+    """The engine's rows by name, and what two degrees of freedom add behind them, or None."""
+    own = table.itemsize // 8
+    return named(rows[..., :own], table), \
+        named(rows[..., own:], MEAN_TABLE) if rows.shape[-1] > own else None
 
 
 def named(rows: NDArray[Any], table: np.dtype[Any]) -> NDArray[Any]:

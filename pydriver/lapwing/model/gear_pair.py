@@ -8,7 +8,14 @@ from types import SimpleNamespace
 
 from lapwing.base import arguments
 from lapwing.base.arguments import LEAST, MOST, Refusals
-from lapwing.model.oscillator import Load, Oscillator, ParameterError, Scales, number_problems
+from lapwing.model.oscillator import (
+    Load,
+    MeanRotation,
+    Oscillator,
+    ParameterError,
+    Scales,
+    number_problems,
+)
 
 
 @dataclass(frozen=True)
@@ -85,8 +92,12 @@ class GearPair:
     @property
     def equivalent_inertia(self):
         """J = J1·J2/(i12²·J1 + J2), kg·m²."""
-        weighted = self.gear_ratio**2 * self.pinion_inertia + self.gear_inertia
-        return self.pinion_inertia * self.gear_inertia / weighted
+        return self.pinion_inertia * self.gear_inertia / self.total_inertia
+
+    @property
+    def total_inertia(self):
+        """M = i12²·J1 + J2, of both wheels turning together, on the gear's side, kg·m²."""
+        return self.gear_ratio**2 * self.pinion_inertia + self.gear_inertia
 
     @property
     def torsional_stiffness(self):
@@ -127,10 +138,17 @@ class GearPair:
         gear = self.gear_ratio * brake_torque / self.gear_inertia
         return (gear + drive_torque / self.pinion_inertia) / self.natural_frequency**2
 
+    def mean_rotation(self, mesh_frequency_ratio, brake_torque, drive_torque=None):
+        """`MeanRotation` at Ω and torques in N·m; without a drive torque there is the balance."""
+        unbalanced = 0.0 if drive_torque is None else self.gear_ratio * drive_torque - brake_torque
+        return MeanRotation(unbalanced / self.total_inertia / self.natural_frequency**2,
+                            self.gear_inertia / self.total_inertia,
+                            mesh_frequency_ratio / self.pinion_teeth)
+
     def oscillator(self, te, *, brake_torque, drive_torque=None, pinion_speed_rpm=None,
                    pinion_speed_rad_s=None, mesh_frequency_hz=None, contact_law="restitution",
                    impact_law="relative", gap="one_sided", back_flank_te=True,
-                   te_sign="printed"):
+                   te_sign="printed", degrees_of_freedom=1):
         """Reduce to the dimensionless oscillator; F as in `force`, Ω = Z1·n1/ω'.
 
         Parameters
@@ -140,6 +158,8 @@ class GearPair:
         drive_torque : float, N·m; mean, on the pinion; default: balance
         pinion_speed_rpm, pinion_speed_rad_s, mesh_frequency_hz : exactly one, > 0
         contact_law, impact_law, gap, back_flank_te, te_sign : see `Oscillator`
+        degrees_of_freedom : 1, the relative angle; 2: the mean rotation too, which any other drive
+            torque than the balance makes drift (docs/model.md, section 11)
 
         Raises
         ------
@@ -149,6 +169,9 @@ class GearPair:
         speeds = {"pinion_speed_rpm": pinion_speed_rpm, "pinion_speed_rad_s": pinion_speed_rad_s,
                   "mesh_frequency_hz": mesh_frequency_hz}
         problems = _drive_problems(speeds, brake_torque, drive_torque)
+        taken = Refusals()
+        if taken.take(arguments.whole, "degrees_of_freedom", degrees_of_freedom, 1, 2) is None:
+            problems += taken.problems
         # A stand-in of 1 where the operating point is refused lets the rest be checked as well.
         force = 1.0 if problems else self.force(brake_torque, drive_torque)
         ratio = 1.0 if problems else self.mesh_frequency(**speeds) / self.natural_frequency
@@ -158,6 +181,8 @@ class GearPair:
                 damping_ratio=self.xi, restitution=self.restitution, backlash=self.backlash,
                 contact_law=contact_law, impact_law=impact_law, gap=gap,
                 back_flank_te=back_flank_te, te_sign=te_sign,
+                mean_rotation=self.mean_rotation(ratio, brake_torque, drive_torque)
+                if degrees_of_freedom == 2 and not problems else None,
                 scales=Scales(self.natural_frequency, self.force_per_torque),
                 load=None if problems else Load(force, float(brake_torque), drive_torque))
         except ParameterError as error:

@@ -8,6 +8,8 @@ import numpy as np
 
 # Value, slope, curvature of a harmonic table, each relative to its own maximum ...
 _HARMONIC_TOLERANCE = (1e-12, 1e-10, 1e-8)
+# ... of one that steps are taken over: below the rounding that a run adds up itself
+FINE_TOLERANCE = (1e-16, 2e-14, 3e-12)
 # ... and the remainder of quintic Hermite interpolation, max|f - q|^(k) <= c_k h^(6-k) max|f^(6)|
 # (Birkhoff & Priver, J. Math. Phys. 46 (1967) 440), attained by f = x^6.
 _QUINTIC_REMAINDER = (1 / 46_080, math.sqrt(5) / 30_000, 1 / 1_920)
@@ -24,7 +26,7 @@ def harmonic_derivative(series, order, phase):
     return np.cos(angle) @ (amplitude * rate**order)
 
 
-def harmonic_pieces(series):
+def harmonic_pieces(series, tolerance=_HARMONIC_TOLERANCE):
     """Smallest number of equal quintic Hermite pieces whose remainder bound is good enough."""
     number, amplitude, _ = series.T
     sixth = np.abs(amplitude) @ (2 * np.pi * number) ** 6
@@ -32,10 +34,10 @@ def harmonic_pieces(series):
         return 1
     # Sampled maxima are below the true ones: the count can only come out on the safe side.
     phase = np.linspace(0, 1, 64 * int(number.max()), endpoint=False)
-    needed = [(bound * sixth / (tolerance * np.abs(harmonic_derivative(series, k, phase)).max()))
+    needed = [(bound * sixth / (allowed * np.abs(harmonic_derivative(series, k, phase)).max()))
               ** (1 / (6 - k))
-              for k, (bound, tolerance) in enumerate(
-                  zip(_QUINTIC_REMAINDER, _HARMONIC_TOLERANCE, strict=True))]
+              for k, (bound, allowed) in enumerate(
+                  zip(_QUINTIC_REMAINDER, tolerance, strict=True))]
     return math.ceil(max(needed))
 
 
@@ -58,3 +60,14 @@ def order_spectrum(values, cycles):
     window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n)
     amplitudes = 2 * np.abs(np.fft.rfft(window * (values - values.mean()))) / window.sum()
     return np.arange(amplitudes.size) / cycles, amplitudes
+
+
+def harmonic_table(series, tolerance=_HARMONIC_TOLERANCE):
+    """Quintic Hermite pieces of a series: knots (n + 1,) and coefficients (n, 6)."""
+    from scipy.interpolate import BPoly, PPoly
+
+    n = harmonic_pieces(series, tolerance)
+    knots = np.arange(n + 1) / n
+    rows = np.stack([harmonic_derivative(series, k, knots % 1) for k in range(3)], axis=1)
+    pieces = PPoly.from_bernstein_basis(BPoly.from_derivatives(knots, rows))
+    return knots, pieces.c[::-1].T

@@ -59,6 +59,39 @@ class Load:
     drive_torque: float | None = None
 
 
+@dataclass(frozen=True)
+class MeanRotation:
+    """What a second degree of freedom adds: both wheels' mean rotation (docs/model.md, section 11).
+
+    Θ = (i12·J1·θ1 + J2·θ2)/(i12²·J1 + J2), on the gear's side, ahead of the nominal rotation.
+
+    Parameters
+    ----------
+    acceleration : float, rad; Θ'' in τ, (i12·T_m - T_l)/((i12²·J1 + J2)·ω'²)
+    pinion_share : float, 0 to 1; J2/(i12²·J1 + J2), the pinion's part in the relative angle
+    pinion_rate : float, rad per τ; n1/ω', nominal
+    """
+
+    acceleration: float
+    pinion_share: float
+    pinion_rate: float
+
+    def __post_init__(self):
+        problems = number_problems(self, finite=("acceleration",), positive=("pinion_rate",),
+                                   unit_interval=("pinion_share",))
+        if problems:
+            raise ParameterError("mean rotation", problems)
+
+    def shafts(self, gear_ratio, relative, mean):
+        """θ1 and θ2, or their rates, from θ and Θ, or theirs."""
+        gear = mean - (1 - self.pinion_share) / gear_ratio * relative
+        return relative + gear_ratio * gear, gear
+
+    def mean_speed(self, osc, rate):
+        """Mean speed of the pinion, rad/s, at a rate Θ' (rad per τ)."""
+        return (self.pinion_rate + osc.gear_ratio * rate) * osc.scales.natural_frequency
+
+
 @dataclass(frozen=True, kw_only=True)
 class Oscillator:
     """Parameters of the dimensionless oscillator, checked against each other.
@@ -78,6 +111,7 @@ class Oscillator:
     back_flank_te : bool; False: the coast flank stands still at θ = -gap_width
     te_sign : 'printed' (g = +i12·Δφ) or 'geometric' (g = -i12·Δφ)
     scales : Scales or None
+    mean_rotation : MeanRotation or None; with it there are two degrees of freedom (no 'rigid' law)
     load : Load or None, the torques behind `force`; of another force they say nothing
 
     Raises
@@ -99,6 +133,7 @@ class Oscillator:
     back_flank_te: bool = True
     te_sign: str = "printed"
     scales: Scales | None = None
+    mean_rotation: MeanRotation | None = None
     load: Load | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self):
@@ -124,6 +159,11 @@ class Oscillator:
                                   + arguments.shown(self.te))
         if self.scales is not None:
             taken.take(arguments.instance, "scales", self.scales, Scales)
+        if self.mean_rotation is not None:
+            taken.take(arguments.instance, "mean_rotation", self.mean_rotation, MeanRotation)
+            if self.contact_law == "rigid":
+                taken.problems.append("degrees_of_freedom = 2 goes with contact_law 'restitution' "
+                                      "or 'compliant', not 'rigid'")
         if self.load is not None:
             taken.take(arguments.instance, "load", self.load, Load)
         # A NumPy bool becomes one of Python.
@@ -151,6 +191,11 @@ class Oscillator:
         if self.load is not None and self.load.force == self.force:
             return self.load.brake_torque
         return None if self.scales is None else self.force / self.scales.force_per_torque
+
+    @property
+    def degrees_of_freedom(self):
+        """2 with a mean rotation, else 1."""
+        return 1 if self.mean_rotation is None else 2
 
     @property
     def period(self):

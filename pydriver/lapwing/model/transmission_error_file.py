@@ -129,8 +129,10 @@ def _read_header(line, header, pinion_teeth, gear_teeth, problems):
             problems.append((line, column, str(error)))
     names = [name for name, _ in columns]
     if len(problems) == known and sorted(names) not in [sorted(x.split(",")) for x in _LAYOUTS]:
-        problems.append((line, 0, f"the columns {cut(','.join(names), 200)} make no table; "
-                                  "expected one of " + "; ".join(_LAYOUTS)))
+        hint = "for samples over the pinion's rotation name its column phase[deg] or phase[rad]" \
+            if {"pinion_angle", "transmission_error"} <= set(names) else \
+            "expected one of " + "; ".join(_LAYOUTS)
+        problems.append((line, 0, f"the columns {cut(','.join(names), 200)} make no table; {hint}"))
     if "gear_angle" in names and not (pinion_teeth and gear_teeth):
         problems.append((line, 0, "angle pairs need pinion_teeth and gear_teeth"))
     return columns

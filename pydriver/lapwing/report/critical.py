@@ -19,14 +19,27 @@ REASONS = {"thrown_off": "a kink that throws the tooth off",
            "struck": "a kink that strikes the resting tooth, which bounces"}
 
 
+def critical_table(criticals):
+    """The values found by all searches, lines of a table in Markdown."""
+    rows = [("name", "what", "parameter", "value", "uncertainty")]
+    rows += [(one.attrs["name"], _meaning(one), parameter_words(one.attrs["parameter"])
+              + f" ({_unit(one)})" * bool(_unit(one)), *_cells(one)) for one in criticals]
+    return markdown(rows)
+
+
+def table(criticals):
+    """The summary's table of critical values; see `registry`."""
+    return ["", "## Critical values", "", *critical_table(criticals)]
+
+
 def section(criticals, results):
-    """The summary's part on critical values; see `registry`."""
+    """What the summary says of the searches; see `registry`."""
     sweeps = [results.sweep(name) for name in results.sweeps]
-    return ["", "## Critical values", "", *critical_text(criticals, sweeps)]
+    return ["", "## The searches for critical values", "", *critical_text(criticals, sweeps)]
 
 
 def critical_text(criticals, sweeps=()):
-    """Findings of all searches: a table, then a paragraph each.
+    """Findings of all searches, a paragraph each.
 
     Parameters
     ----------
@@ -38,12 +51,8 @@ def critical_text(criticals, sweeps=()):
     -------
     list of str, lines of Markdown
     """
-    rows = [("name", "what", "parameter", "value", "uncertainty")]
-    rows += [(one.attrs["name"], _meaning(one), parameter_words(one.attrs["parameter"])
-              + f" ({_unit(one)})" * bool(_unit(one)), *_cells(one)) for one in criticals]
-    lines = [*markdown(rows), ""]
-    for one in criticals:
-        lines += [f"- `{one.attrs['name']}`: {_sentences(one)}{_seen(one, sweeps)}"]
+    lines = [f"- `{one.attrs['name']}`: {_sentences(one)}{_seen(one, sweeps)}"
+             for one in criticals]
     return [*lines, *_together(criticals)]
 
 

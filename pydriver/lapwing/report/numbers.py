@@ -10,15 +10,20 @@ import numpy as np
 GREATEST = ("deepest_separation", "deepest_back_penetration", "mesh_force_peak", "impact_speed_max")
 
 
-def with_error(value, error, word="error", brief=False):
-    """`value (error 0.1)`, the value to the digits its error leaves (at most six).
+# Digits told at most: the model is not known better. The result file has all of them.
+DIGITS = 4
+
+
+def with_error(value, error, word="error"):
+    """`value (error 0.1)`, the value to the digits its error leaves, at most `DIGITS`.
+
+    An error of a number, not of zero, that is too small to touch the digits shown is left out.
 
     Parameters
     ----------
     value, error : float; an error that is not finite, or zero, is left out
     word : 'error', an estimate; 'change', a difference of two runs or of the halves of one; '±',
         half of an interval
-    brief : bool, leave out an error too small to touch the digits shown
 
     Returns
     -------
@@ -29,19 +34,19 @@ def with_error(value, error, word="error", brief=False):
     if not math.isfinite(error):
         return f"{value:.4g}"
     if error == 0:
-        return f"{value:.6g}"
-    digits = 6
+        return _plain(value, DIGITS)
+    digits = DIGITS
     if value != 0:
         digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(error)) + 1
-    if brief and digits > 6:
-        return f"{value:.6g}"
-    text = f"{_plain(value, digits)} {word} {_plain(_up(error), 1)}"
+    if digits > DIGITS and word == "error":
+        return _plain(value, DIGITS)
+    text = f"{_plain(value, min(digits, DIGITS))} {word} {_plain(_up(error), 1)}"
     return text if word == "±" else text.replace(" ", " (", 1) + ")"
 
 
 def _plain(value, digits):
-    """A number to so many digits (1 to 6), without an exponent where it can be avoided."""
-    text = f"{value:.{min(max(digits, 1), 6)}g}"
+    """A number to so many digits, one at least, without an exponent where it can be avoided."""
+    text = f"{value:.{max(digits, 1)}g}"
     return f"{float(text):g}" if "e" in text else text
 
 
@@ -54,7 +59,7 @@ def _up(error):
 def value_words(attrs, key, factor=1.0, brief=False):
     """One number with what is known of its error, by name; a greatest value seen as such."""
     word, error = uncertainty(attrs, key)
-    text = with_error(factor * attrs[key], abs(factor) * error, word, brief)
+    text = with_error(factor * attrs[key], abs(factor) * error, word)
     if attrs[key] == 0 or text == "–":
         return text
     return {"change": "≈ ", "seen": "≥ " if brief else ""}.get(word, "") + text

@@ -18,12 +18,17 @@ IN_TABLE = ("impacts_per_cycle", "back_impacts_per_cycle", "deepest_separation",
             "mesh_force_peak", "impact_energy_per_cycle")
 
 
+def table(responses):
+    """The summary's table of responses; see `registry`."""
+    attributes = [one.attrs for one in responses]
+    return ["", "## Responses", "", *_table(attributes), "", *_legend(attributes)]
+
+
 def section(responses, results):
-    """The summary's part on responses; see `registry`."""
-    responses = [one.attrs for one in responses]
-    lines = ["", "## Responses", "", *_table(responses), "", *_legend(responses)]
-    for attrs in responses:
-        lines += ["", f"### {attrs['name']}", "", _paragraph(attrs)]
+    """What the summary says of each response; see `registry`."""
+    lines = ["", "## The responses, one by one"]
+    for one in responses:
+        lines += ["", f"### {one.attrs['name']}", "", _paragraph(one.attrs)]
     return lines
 
 
@@ -84,8 +89,8 @@ def _legend(responses):
     return ["; ".join(f"{word}s are counted {rule}" for word, rule in rules).capitalize() + ". "
             "Each run is repeated with rk4 at a tolerance of its own. "
             + "Of a motion that repeats, the error is an estimate from the difference of the two "
-            "runs and that of the halves of the record, and no bound; in this table it is left "
-            "out where it lies below the last digit. " * ("error" in known)
+            "runs and that of the halves of the record, and no bound; it is left out where it lies "
+            "below the last digit. " * ("error" in known)
             + "± is half of the 95 % interval of an average over cycles, of a motion without a "
             "period. " * ("±" in known)
             + "≥ marks the greatest value seen of a motion without a period: a longer record may "
@@ -159,8 +164,8 @@ def _paragraph(attrs):
         if attrs["deepest_back_penetration"] > 0:
             sentences.append("The coast flank is pressed in by up to "
                              f"{value_words(attrs, 'deepest_back_penetration', 1e6)} µrad.")
-    sentences += [_times_of_states(attrs), stability_sentence(attrs), _force_sentence(attrs),
-                  _comparison(attrs), _trust(attrs), f"({run}.)"]
+    sentences += [_times_of_states(attrs), _speed_sentence(attrs), stability_sentence(attrs),
+                  _force_sentence(attrs), _comparison(attrs), _trust(attrs), f"({run}.)"]
     return " ".join(sentence for sentence in sentences if sentence)
 
 
@@ -200,6 +205,18 @@ def _times_of_states(attrs):
         ("back_engaged", "on the coast flank"))]
     return "The teeth are " + ", ".join(f"{100 * share:.3g} % of the time {words}"
                                         for share, words in shares if share > 0) + "."
+
+
+def _speed_sentence(attrs):
+    """Mean speed of a response with two degrees of freedom."""
+    if "mean_speed_last" not in attrs:
+        return ""
+    first, last = (attrs[f"mean_speed_{end}"] for end in ("first", "last"))
+    if attrs["mean_acceleration"] == 0:
+        return f"The mean speed of the pinion is {last:.6g} rad/s throughout (torques in balance)."
+    return (f"The torques are not in balance: the mean speed of the pinion goes from {first:.6g} "
+            f"to {last:.6g} rad/s while it is recorded ({attrs['mean_acceleration']:+.4g} rad/s²); "
+            f"the mesh is that of the nominal {attrs['nominal_speed']:.6g} rad/s all the time.")
 
 
 def _motion_sentence(attrs):

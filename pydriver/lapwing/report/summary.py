@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from lapwing.base.registry import carried_out
+from lapwing.base.registry import told
+from lapwing.report.answers.findings import findings, findings_lines
 
 
 def summary_text(results):
@@ -17,16 +18,29 @@ def summary_text(results):
     Returns
     -------
     str
-        Markdown: gear and operation, a table and a paragraph for each response, the critical
-        values, the findings of each sweep, provenance.
+        Markdown: the findings in a few sentences, gear and operation, tables of the critical
+        values and of the responses; then what each search and sweep found, a paragraph for each
+        response, provenance.
     """
-    lines = [f"# {results.attrs['deck_name']}", "", *_gear(results)]
-    for study in carried_out():
-        datasets = [results.study(study.kind, name) for name in results.studies[study.kind]]
-        if datasets:
-            lines += study.part("report").section(datasets, results)
+    found = {study: [results.study(study.kind, name) for name in results.studies[study.kind]]
+             for study in told()}
+    lines = [f"# {results.attrs['deck_name']}", "",
+             *findings_lines(findings(*studies_in(results), results.missing)), "",
+             *_gear(results)]
+    for study, datasets in found.items():
+        part = study.part("report")
+        lines += part.table(datasets) if datasets and hasattr(part, "table") else []
+    for study, datasets in found.items():
+        lines += study.part("report").section(datasets, results) if datasets else []
     lines += _missing(results)
     return "\n".join([*lines, "", "## Provenance", "", *_provenance(results)]) + "\n"
+
+
+def studies_in(results):
+    """Datasets of the responses, critical values and sweeps of a result file, in its order."""
+    return ([results.response(name) for name in results.responses],
+            [results.critical(name) for name in results.criticals],
+            [results.sweep(name) for name in results.sweeps])
 
 
 def _missing(results):

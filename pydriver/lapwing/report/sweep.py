@@ -6,6 +6,7 @@ import numpy as np
 
 from lapwing.base.arrivals import arrivals_in, per_cycle
 from lapwing.base.codes import Status
+from lapwing.report.amplitudes import amplitude_lines
 from lapwing.report.hysteresis import hysteresis
 from lapwing.report.stability import sweep_stability
 from lapwing.report.words import markdown, method_words, parameter_unit, parameter_words, plural
@@ -57,6 +58,7 @@ def sweep_text(sweep):
     lines += _full_engagement(sweep, unit)
     coexisting = hysteresis(sweep, unit)
     lines.append("- hysteresis: " + coexisting[0])
+    lines += amplitude_lines(sweep, unit)
     lines += sweep_stability(sweep, unit)
     lines.append(f"- {law.word}s are counted: {law.rule(sweep.attrs['count_depth'])}"
                  + " separation" * law.threshold)

@@ -30,6 +30,9 @@ EPS = float(np.finfo(float).eps)
 class CycleMaps:
     """Tangent maps of consecutive mesh cycles, of one motion or of many (leading dimensions).
 
+    Those of the relative motion: of a deviation of the mean rotation it takes no notice, nor the
+    mean rotation of one of it (docs/model.md, section 11).
+
     Attributes
     ----------
     matrix : array (..., n, 2, 2); the map of a cycle is matrix·2**exponent
@@ -58,9 +61,11 @@ class CycleMaps:
 
     @classmethod
     def from_rows(cls, rows, period):
-        """Maps from the engine's table (..., n), `engine.records.TANGENT_TABLE`."""
-        return cls(rows["matrix"], rows["exponent"], rows["log_det"], rows["det_sign"],
-                   rows["rank"], rows["drive_time"] + rows["coast_time"], rows["impacts"],
+        """Maps from the engine's table (..., n), `engine.records.tangent_table`."""
+        states = rows["matrix"].shape[-1]
+        return cls(rows["matrix"][..., :2, :2], rows["exponent"], rows["log_det"],
+                   rows["det_sign"], rows["rank"] - (states - 2),
+                   rows["drive_time"] + rows["coast_time"], rows["impacts"],
                    rows["log_rebound"], rows["graze_depth"], period)
 
     def __getitem__(self, index):

@@ -12,7 +12,7 @@ from lapwing.base import arguments, estimates
 from lapwing.base.arguments import MAX_INT, renamed, shown
 from lapwing.base.codes import MotionState, Status
 from lapwing.engine import Numerics, TrajectoryCall, Wanted, chosen, position
-from lapwing.engine.records import CYCLE, CYCLE_REALS, EVENT
+from lapwing.engine.records import CYCLE, CYCLE_REALS, EVENT, MEAN
 from lapwing.model.oscillator import Oscillator
 from lapwing.model.start import put_on_flank, start_problem
 
@@ -29,6 +29,7 @@ class HybridState:
     phi, phi_dot : float, rad and rad per τ
     phase : float, mesh phase, 0 to 1
     tau : float, time since the run first started
+    mean_angle, mean_rate : float, rad and rad per τ; Θ and Θ' with two degrees of freedom, else 0
     """
 
     motion_state: MotionState
@@ -36,6 +37,8 @@ class HybridState:
     phi_dot: float
     phase: float
     tau: float
+    mean_angle: float = 0.0
+    mean_rate: float = 0.0
     # The engine's state may lie up to one step before the point reported above.
     _oscillator: object = field(repr=False, default=None, compare=False)
     _origin: tuple = field(repr=False, default=())
@@ -78,7 +81,8 @@ class Run:
 
         Returns
         -------
-        xarray.Dataset over `tau`: phase, motion_state, phi, phi_dot; on an event the state after
+        xarray.Dataset over `tau`: phase, motion_state, phi, phi_dot; with two degrees of freedom
+        mean_angle, mean_rate; on an event the state after
 
         Raises
         ------
@@ -105,7 +109,8 @@ def simulate(osc, start="rest", phase=0.0, cycles=50, method="auto", rtol=1e-10,
     osc : Oscillator
     start : 'rest', (motion_state, phi, phi_dot), or the `final` of another run: a run of the same
         oscillator is continued bit for bit, under another one a new run begins in that state; one
-        beyond a flank by no more than rounding begins on it (decision e of docs/model.md)
+        beyond a flank by no more than rounding begins on it (decision e of docs/model.md). A new
+        run of two degrees of freedom begins with the nominal rotation
     phase : float, mesh phase at the start, 0 <= phase < 1 (not used with a `final`, which has one)
     cycles : float, mesh cycles to run, > 0
     observe : what is recorded, of 'events', 'cycles', 'grazes'; the rest costs nothing
@@ -164,7 +169,7 @@ def simulate(osc, start="rest", phase=0.0, cycles=50, method="auto", rtol=1e-10,
         call = TrajectoryCall(osc, (*origin[0], phase), numerics=numerics, wanted=wanted)
     target = position(origin[1], before + cycles, osc.period)
     # A target inside a stretch is reported by a sample; one at a cycle's end is reached exactly.
-    call.run(target, [target] if target[1] > 0 else [])
+    call.run(target, [target] if target[1] > 0 or osc.degrees_of_freedom == 2 else [])
     return _result(osc, call, origin, before + cycles, target, numerics)
 
 
@@ -240,10 +245,13 @@ def _result(osc, call, origin, cycles, target, numerics):
     final = HybridState(
         motion_state=MotionState(at[2]), phi=float(at[3]), phi_dot=float(at[4]),
         phase=float(at[1] / period), tau=float(_tau(at[0], at[1], phase0, period)),
+        **({name: float(call.sample_means[name][0]) for name in MEAN}
+           if osc.degrees_of_freedom == 2 else {}),
         _oscillator=osc, _origin=origin, _cycles=cycles, _blob=call.blob)
     return Run(oscillator=osc, events=_event_dataset(call.events, phase0, period),
-               cycles=_cycle_dataset(call.cycles), final=final, status=call.status,
-               work=call.work, method=engine.method_of(osc, numerics), _numerics=numerics)
+               cycles=_cycle_dataset(call.cycles, call.cycle_means), final=final,
+               status=call.status, work=call.work, method=engine.method_of(osc, numerics),
+               _numerics=numerics)
 
 
 def _tau(cycle, t, phase0, period):
@@ -262,12 +270,17 @@ def _event_dataset(events, phase0, period):
                        for name, values in data.items()})
 
 
-def _cycle_dataset(cycles):
+def _cycle_dataset(cycles, means):
     import xarray as xr
 
     data = {name: ("cycle", cycles[name].copy() if name in CYCLE_REALS
                    else cycles[name].astype(np.int64)) for name in CYCLE}
+    data |= _mean_columns("cycle", means)
     return xr.Dataset(data).set_coords("cycle")
+
+
+def _mean_columns(dim, means):
+    return {name: (dim, means[name].copy()) for name in MEAN} if means is not None else {}
 
 
 def _history(run, taus):
@@ -284,7 +297,8 @@ def _history(run, taus):
     return xr.Dataset(
         {"phase": ("tau", t / osc.period),
          "motion_state": ("tau", samples["motion_state"].astype(np.int8)),
-         "phi": ("tau", samples["phi"].copy()), "phi_dot": ("tau", samples["phi_dot"].copy())},
+         "phi": ("tau", samples["phi"].copy()), "phi_dot": ("tau", samples["phi_dot"].copy()),
+         **_mean_columns("tau", call.sample_means)},
         coords={"tau": taus},
         attrs={"samples": call.work["samples"]})
 

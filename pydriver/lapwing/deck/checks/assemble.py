@@ -6,6 +6,8 @@ import re
 from dataclasses import replace
 
 from lapwing.deck import schema
+from lapwing.deck.checks.hints import of_parameters
+from lapwing.deck.checks.magnitudes import warn_of_torques, warn_of_units
 from lapwing.deck.checks.te_table import file_table, flat, formula_table
 from lapwing.deck.deck import Deck
 from lapwing.deck.problems import Place, nearest
@@ -32,9 +34,13 @@ def assemble(path, text, overrides, readers, report):
                 for name, group in schema.GROUPS.items()
                 if name not in (*schema.STUDIES, *schema.REQUIRED)}
     settings |= {name: models[name].keys if name in models else None for name in schema.REQUIRED}
+    _check_restitution(models.get("gear_pair"), settings["scene"], report)
     pair = _gear_pair(models.get("gear_pair"), report)
     table = _table(models.get("transmission_error"), settings["gear_pair"], path, report)
+    warn_of_units(models.get("gear_pair"), models.get("transmission_error"), table, report)
     builder = Studies(settings, models, pair, table, report)
+    if builder.operation and pair is not None and "operation" in models:
+        warn_of_torques(models["operation"], pair, builder.operation, None, report)
     built = {name: tuple(builder.build(reader) for reader in studies if reader.name == name)
              for name in schema.STUDIES}
     _check_names(studies, report)
@@ -80,11 +86,23 @@ def _relay(error, readers, report):
         report.add(next(places, readers[-1].place), problem)
 
 
+def _check_restitution(reader, scene, report):
+    """Restitution is asked for where a contact law uses it."""
+    if reader is None or scene is None or scene.contact_law == "compliant" \
+            or reader.mentioned("restitution"):
+        return
+    kind = schema.KeyType(schema.GearPairKeys.model_fields["restitution"])
+    report.add(reader.place, f"&gear_pair lacks restitution, {kind.expected} (ε, coefficient of "
+                             "restitution)")
+
+
 def _gear_pair(reader, report):
     if reader is None or reader.keys is None:
         return None
     try:
-        pair = GearPair(**reader.keys.model_dump())
+        given = reader.keys.model_dump()
+        # Not given where the contact law has no use for it: any number does.
+        pair = GearPair(**{**given, "restitution": given["restitution"] or 0.0})
         # Derived numbers overflow where the given ones are absurd together.
         pair.force(1.0, 1.0)
         return pair
@@ -209,11 +227,19 @@ class Studies:
         if not complete:
             return None
         try:
-            return pair.oscillator(self._te, **operation)
+            oscillator = pair.oscillator(self._te, **operation)
+            self._check_method(oscillator)
+            return oscillator
         except (ValueError, ArithmeticError) as error:
             readers = [*(self._models[name] for name in self._models), reader]
             _relay(error, readers, self.report)
         return None
+
+    def _check_method(self, oscillator):
+        numerics = self._settings["numerics"]
+        if numerics and numerics.method == "exact" and oscillator.degrees_of_freedom == 2:
+            raise ValueError("method = 'exact' goes with degrees_of_freedom = 1, expected 'rk4' or "
+                             "'auto'")
 
     def _complete(self, reader, operation):
         where = self._models["operation"].place if "operation" in self._models else reader.place
@@ -233,8 +259,9 @@ class Studies:
         place = reader.places.get("parameter", reader.place)
         if bare not in known or group not in ("", known[bare]):
             full = [*known, *(f"{group}.{key}" for key, group in known.items())]
+            hint = of_parameters(name) or nearest(name, full if group else known)
             self.report.add(place, f"parameter = {name!r} is no real number of &gear_pair or "
-                                    f"&operation; {nearest(name, full if group else known)}")
+                                   f"&operation; {hint}")
             return None
         for reader_name, model in {**self._models, reader.name: reader}.items():
             for names in schema.GROUPS[reader_name].exclusive:

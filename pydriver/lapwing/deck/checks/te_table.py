@@ -32,11 +32,13 @@ class Table:
     digest : str, SHA-256 of the data themselves: spelling, comments and place of a file do not
         enter
     from_pairs : bool, whether the table comes from angle pairs
+    extent : float, rad; greatest less least of the data themselves, not of a curve through them
     """
 
     keys: dict
     digest: str
     from_pairs: bool = False
+    extent: float = 0.0
 
     def build(self):
         """The `TransmissionError`; ValueError where it cannot be made."""
@@ -67,7 +69,9 @@ def file_table(name, folder, teeth, place, report):
         _report(path, problems, report)
         return None
     pairs = "gear_angle" in columns
-    table = Table({"file": path, "teeth": teeth}, _digest(columns), pairs)
+    error = columns["gear_angle"] - teeth["pinion_teeth"] / teeth["gear_teeth"] \
+        * columns["pinion_angle"] if pairs else columns["transmission_error"]
+    table = Table({"file": path, "teeth": teeth}, _digest(columns), pairs, float(np.ptp(error)))
     if _plain(columns) or _builds(table, Place(str(path)), report):
         return table
     return None
@@ -75,13 +79,23 @@ def file_table(name, folder, teeth, place, report):
 
 def formula_table(keys, place, report):
     """Table of a parabola or of harmonics, or None; its problems go to `report`."""
-    table = Table(keys, _digest(keys))
     amplitudes = np.abs(np.atleast_1d(
         keys.get("harmonic_amplitude", keys.get("parabola_amplitude")))).astype(float)
+    table = Table(keys, _digest(keys), extent=_extent(keys))
     if np.all((amplitudes == 0) | (amplitudes > _PLAIN_VALUES[0])) \
             or _builds(table, place, report):
         return table
     return None
+
+
+def _extent(keys):
+    """From peak to peak: of the parabola, or of the series at even phases."""
+    if "parabola_amplitude" in keys:
+        return abs(float(keys["parabola_amplitude"]))
+    phase = 2 * np.pi * np.arange(1024) / 1024
+    return float(np.ptp(sum(amplitude * np.cos(order * phase + shift) for amplitude, shift, order
+                            in zip(keys["harmonic_amplitude"], keys["harmonic_shift"],
+                                   keys["harmonic_order"], strict=True))))
 
 
 def _plain(columns):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+from lapwing.deck.checks.magnitudes import warn_of_order
 from lapwing.deck.checks.ranges import range_values
 from lapwing.deck.deck import Asked
 from lapwing.deck.declare import (
@@ -97,6 +98,7 @@ class CriticalKeys(OperationKeys, ValueKeys, StudyKeys):
             if values is None:
                 return None
             builder.check_values(reader, name, group, values)
+            warn_of_order(reader, report)
         operation = {k: v for k, v in builder.own_operation(self).items() if k != name}
         _check_laws(reader, self, operation, report)
         builder.check_ends(reader, name, group, [1.0] if values is None else values, operation)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from lapwing.base import estimates
+from lapwing.deck.checks.magnitudes import warn_of_torques
 from lapwing.deck.deck import Asked
 from lapwing.deck.declare import NAME_PATTERN, OperationKeys, StudyKeys, key
 from lapwing.model.start import start_problem
@@ -46,6 +47,7 @@ class ResponseKeys(OperationKeys, StudyKeys):
         if not builder.ready:
             return None
         operation = builder.own_operation(self)
+        warn_of_torques(reader, builder.pair, operation, None, builder.report)
         oscillator = builder.oscillator(reader, builder.pair, operation)
         if oscillator is not None:
             self._check_start(builder, reader, oscillator, start)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from lapwing.base import estimates
+from lapwing.deck.checks.magnitudes import warn_of_order, warn_of_torques
 from lapwing.deck.checks.ranges import range_values
 from lapwing.deck.deck import Asked
 from lapwing.deck.declare import NAME_PATTERN, RANGES, StudyKeys, ValueKeys, key
@@ -30,6 +31,9 @@ class SweepKeys(ValueKeys, StudyKeys):
     record_cycles: int = key(100, "mesh cycles recorded at every value", ge=1, le=100_000)
     impacts: bool = key(True, "whether phase and speed of every impact are kept")
     order_spectra: bool = key(False, "whether order spectra are made, for a waterfall of them")
+    amplitudes: bool = key(False, "whether rms and peak to peak of φ and of the dynamic "
+                           "transmission error, and mean and peak mesh force are found, for a "
+                           "figure of them against the parameter")
     speed_density: bool = key(False, "whether impacts of every speed are counted, for a figure of "
                               "their density")
     exponents: bool = key(False, "whether Lyapunov exponents are found, and Floquet multipliers "
@@ -53,6 +57,9 @@ class SweepKeys(ValueKeys, StudyKeys):
             return None
         operation = {k: v for k, v in builder.operation.items() if k != name}
         builder.check_ends(reader, name, group, values, operation)
+        warn_of_order(reader, report)
+        if name == "brake_torque":
+            warn_of_torques(reader, builder.pair, operation, values, report)
         return Asked("sweep", self, operation, builder.rtol(reader),
                      {"parameter": name, "group": group, "values": values, "starts": starts})
 

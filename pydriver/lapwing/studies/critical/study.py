@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from lapwing.engine import Numerics
 from lapwing.studies.critical import run as search
+from lapwing.studies.labels import labels
 
 
 def extent(_):
@@ -36,8 +37,7 @@ def critical_study(deck, study, threads, done=None):
 
     Returns
     -------
-    xarray.Dataset, from `lapwing.critical_full` and the like, and whether the study sets its own
-    operation (attribute `own_operation`)
+    xarray.Dataset, from `lapwing.critical_full` and the like, with `labels.labels`
     """
     options = {"parameter": study.parameter, "values": study.values, "safe_end": study.safe_end,
                **study.operation}
@@ -52,21 +52,24 @@ def critical_study(deck, study, threads, done=None):
         options["confidence"] = study.confidence
     find = {"full": search.critical_full, "safe": search.critical_safe,
             "back": search.critical_back, "on": search.critical_on}[study.find]
-    return find(deck.gear_pair, deck.te, **options).assign_attrs(
-        own_operation=int(study.own_operation))
+    return find(deck.gear_pair, deck.te, **options).assign_attrs(labels(deck, study))
 
 
 def full_engagement(deck, study):
-    """T_full of a sweep of the braking torque, the driving torque in balance or as given.
+    """T_full where a response, or a sweep of the braking torque, runs.
+
+    The driving torque is in balance or as given.
 
     Returns
     -------
     dict of the attributes full_engagement (N·m) and full_engagement_phase (mesh periods), empty
     where there is none
     """
-    if study.parameter != "brake_torque" or study.operation["contact_law"] == "rigid":
+    if getattr(study, "parameter", "brake_torque") != "brake_torque" \
+            or study.operation["contact_law"] == "rigid":
         return {}
-    found = search.critical_full(deck.gear_pair, deck.te, **study.operation).attrs
+    operation = {key: value for key, value in study.operation.items() if key != "brake_torque"}
+    found = search.critical_full(deck.gear_pair, deck.te, **operation).attrs
     if found["outcome"] != "found":
         return {}
     return {"full_engagement": found["estimate"], "full_engagement_phase": found["phase"]}

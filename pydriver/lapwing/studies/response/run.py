@@ -18,18 +18,16 @@ from lapwing.base import arguments, estimates
 from lapwing.base.arguments import MAX_INT, Refusals, renamed
 from lapwing.base.arrivals import arrivals_of
 from lapwing.base.codes import EventKind, MotionState, Status
-from lapwing.engine import TrajectoryCall, Wanted, chosen, columns, impacts_of, unknown
+from lapwing.engine import chosen, columns, impacts_of
 from lapwing.engine.records import (
     CYCLE,
     CYCLE_REALS,
-    CYCLE_TABLE,
     EVENT,
-    EVENT_TABLE,
     SAMPLE,
-    SAMPLE_TABLE,
 )
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.oscillator import Oscillator
+from lapwing.studies import mean_rotation
 from lapwing.studies.intervals import mean_interval
 from lapwing.studies.period import MAX_PERIOD, find_period, motion_class
 from lapwing.studies.response import motion
@@ -39,6 +37,7 @@ from lapwing.studies.response.mesh_force import (
     flank_motion,
     sample_phases,
 )
+from lapwing.studies.response.recording import Recording, recorded
 from lapwing.studies.sweep.run import LABELS
 from lapwing.studies.trajectory import checked_start, engine_start
 
@@ -99,7 +98,9 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle=400, record=100
         with the rigid law), dynamic_te (θ, rad).  Over `event`: event_time, event_phase, …,
         velocity_before, velocity_after (rad per τ), impact_energy (J lost; NaN for what is no
         impact).  Over `cycle`: cycle_*, the columns of `simulate`, forces (N; peak: largest
-        magnitude) and impact energy (J).  Cycles are counted from the first recorded one.  The
+        magnitude) and impact energy (J).  With two degrees of freedom pinion_angle, gear_angle
+        (rad ahead of the nominal rotation), pinion_speed, gear_speed and cycle_mean_speed (of the
+        pinion; rad/s).  Cycles are counted from the first recorded one.  The
         numbers of the summary are attributes.  A run that fails numerically has its `status`,
         no events and NaN everywhere else (-1 in whole numbers).
 
@@ -129,8 +130,8 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle=400, record=100
     span = (settle_cycles + (phase > 0), record_cycles)
     other = max(rtol / 100, TIGHTEST_RTOL) if rtol >= 10 * TIGHTEST_RTOL else 100 * rtol
     main, reference = (
-        _Outcome.of(osc, pair, _record(osc, (*engine_start(osc, start), phase), span, grid,
-                                       one, exponents), max_period)
+        _Outcome.of(osc, pair, recorded(osc, (*engine_start(osc, start), phase), span, grid,
+                                         one, exponents), max_period)
         for one in (numerics, replace(numerics, method="rk4", rtol=other)))
     settings = {
         "name": name, "order": order,
@@ -148,6 +149,7 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle=400, record=100
     given = {key: value for key, value in settings.items() if value is not None}
     return _dataset(osc, pair, main, stored).assign_attrs(
         given | motion.law_attributes(osc) | _findings(main, reference)
+        | mean_rotation.attributes(osc, main.recording.means[1])
         | motion.impact_attributes(osc, pair, main.recording.events, main.number("mesh_force_peak"))
         | motion.motion_attributes(osc, main.recording, main.period, max_period, numerics))
 
@@ -176,56 +178,10 @@ def _check_others(osc, pair, name, exponents, impacts, separation, text):
 
 
 @dataclass(frozen=True)
-class _Recording:
-    """Tables of events (n,), cycles (record,), samples (record·grid + 1,); the phases sampled.
-
-    Cycles are counted from the first recorded one; the last sample is the end of the last cycle.
-    """
-
-    status: Status
-    grid: np.ndarray
-    events: np.ndarray
-    cycles: np.ndarray
-    samples: np.ndarray
-    tangent: np.ndarray | None = None
-
-
-def _record(osc, start, span, grid, numerics, exponents=False):
-    """Settle and record.
-
-    The cycle before the first recorded one is watched already, for an impact counts with the
-    whole flight before it; and one cycle more is run, for the state at which the last one ends.
-    """
-    first, record = span
-    watched, blob, status = max(0, first - 1), None, Status.OK
-    if watched:
-        call = TrajectoryCall(osc, start, numerics=numerics, wanted=Wanted())
-        status = call.run((watched, 0.0), []).status
-        start, blob = (engine.GO_ON, 0, 0, 0), call.blob
-    times = np.column_stack([np.repeat(first + np.arange(record), grid.size),
-                             np.tile(grid * osc.period, record)])
-    if status == Status.OK:
-        call = TrajectoryCall(osc, start, blob, watched, numerics=numerics,
-                              wanted=Wanted(events=True, cycles=True, tangent=exponents))
-        call.run((first + record + 1, 0.0), np.vstack([times, (first + record, 0.0)]))
-        status = call.status
-    if status != Status.OK:
-        return _Recording(status, grid, unknown(EVENT_TABLE, 0), unknown(CYCLE_TABLE, record),
-                          unknown(SAMPLE_TABLE, len(times) + 1))
-    kept = [(table["cycle"] >= first) & (table["cycle"] < first + record)
-            for table in (call.events, call.cycles)]
-    events, cycles = call.events[kept[0]], call.cycles[kept[1]]
-    for table in (events, cycles):
-        table["cycle"] -= first
-    return _Recording(status, grid, events, cycles, call.samples,
-                      call.tangent[kept[1]] if exponents else None)
-
-
-@dataclass(frozen=True)
 class _Outcome:
     """A recording, its statistics by cycle (dict of (record,) arrays), period and class."""
 
-    recording: _Recording
+    recording: Recording
     by_cycle: dict
     period: int
     motion_class: str
@@ -329,7 +285,8 @@ def _dataset(osc, pair, outcome, stored):
     second = osc.period / pair.natural_frequency
     parts = {"sample": _sample_columns(osc, pair, outcome.recording, stored, second),
              "event": _event_columns(pair, outcome.recording, osc.period, second),
-             "cycle": _cycle_columns(outcome)}
+             "cycle": {**_cycle_columns(outcome),
+                       **mean_rotation.by_cycle(osc, outcome.recording.means[0])}}
     return xr.Dataset({key: (dim, values) for dim, columns in parts.items()
                        for key, values in columns.items()})
 
@@ -347,9 +304,13 @@ def _sample_columns(osc, pair, recording, stored, second):
     if osc.contact_law == "rigid":
         force = force * np.nan
     state = np.full(state.size, -1) if failed else state
+    means = recording.means[1]
+    at = np.add.outer(np.arange(record) * recording.grid.size, stored).ravel()
     return {"time": (cycle + phase) * second, "phase": phase, "cycle": cycle.astype(np.int32),
             "motion_state": state.astype(np.int8), "phi": phi, "phi_dot": phi_dot,
-            "mesh_force": force, "dynamic_te": phi + g}
+            "mesh_force": force, "dynamic_te": phi + g,
+            **mean_rotation.shafts(osc, phi + g, phi_dot + slope,
+                                   means if means is None else means[at])}
 
 
 def _event_columns(pair, recording, period, second):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from lapwing.base.codes import Status
+from lapwing.studies.critical.study import full_engagement
+from lapwing.studies.labels import labels
 from lapwing.studies.response.run import response
 
 
@@ -18,7 +20,7 @@ def failed(dataset):
 
 def carry_out(deck, study, order, threads, done):
     """One response of a deck, by one thread; see `registry`."""
-    return response(
+    result = response(
         deck.oscillator(study), deck.gear_pair, name=study.name, start=study.start,
         phase=deck.numerics["start_phase"], settle=study.settle_cycles,
         record=study.record_cycles, samples_per_cycle=study.samples_per_cycle,
@@ -27,3 +29,4 @@ def carry_out(deck, study, order, threads, done):
         claim_impacts_per_cycle=study.claim_impacts_per_cycle,
         claim_deepest_separation=study.claim_deepest_separation, claim_text=study.claim_text,
         **deck.numerics_of(study))
+    return result.assign_attrs(labels(deck, study) | full_engagement(deck, study))

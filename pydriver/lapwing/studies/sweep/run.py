@@ -17,11 +17,12 @@ from lapwing.engine import Wanted, chosen, columns, numbers, work_counts
 from lapwing.engine.records import CYCLE, STROBED
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.transmission_error import TransmissionError
+from lapwing.studies import mean_rotation
 from lapwing.studies.period import find_period, motion_class
 from lapwing.studies.stability import CycleMaps, findings, growth
 
 STARTS = ("rest", "up", "down")
-RECORDS = ("cycles", "impacts", "exponents", "speeds", "spectra")
+RECORDS = ("cycles", "impacts", "exponents", "speeds", "spectra", "amplitudes")
 # Bins of impact speeds, and how far below the fastest they begin.
 SPEED_BINS, SPEED_DECADES = 160, 4
 # Columns of the cycle table that must match between cycles of a periodic motion: the strobed
@@ -34,7 +35,8 @@ UNITS = {"phi": "rad", "phi_dot": "rad per tau", "deepest_separation": "rad",
          "impact_velocity": "rad per tau", "lyapunov_exponent": "per tau",
          "lyapunov_exponent_error": "per tau", "second_lyapunov_exponent": "per tau",
          "lyapunov_exponent_per_cycle": "per mesh cycle", "speed_edge": "rad per tau",
-         "impact_speed_density": "per mesh cycle", "slow_impacts": "per mesh cycle"}
+         "impact_speed_density": "per mesh cycle", "slow_impacts": "per mesh cycle",
+         "mean_speed": "rad/s"}
 
 
 def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=400, record=100,
@@ -57,8 +59,9 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
     observe : of 'cycles' (statistics of each recorded cycle), 'impacts' (phase and speed of up to
         `max_impacts` recorded impacts), 'exponents' (Lyapunov exponents of every motion, Floquet
         multipliers of the periodic ones; wants 'cycles'), 'speeds' (impacts of every speed,
-        counted in bins) and 'spectra' (order spectrum of φ over 48 further cycles); the rest
-        costs nothing
+        counted in bins), 'spectra' (order spectrum of φ over 48 further cycles) and 'amplitudes'
+        (rms and peak to peak of φ and of the dynamic transmission error, mean and peak mesh force
+        over a further period, or 32 cycles; wants 'cycles'); the rest costs nothing
     phase : float, mesh phase at the start
     method, rtol, chatter_tol, count_depth, max_events_per_cycle, max_steps_per_cycle :
         see `Numerics`
@@ -112,6 +115,9 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
                      "count_depth": numerics.count_depth, "interrupted": int(result.interrupted)})
     if "spectra" in observe:
         data = _with_spectra(data, result, oscillators * len(starts), numerics, threads)
+    if "amplitudes" in observe:
+        data = _with_amplitudes(data, result, oscillators, [
+            _newtons(pair, parameter, float(value)) for value in values], numerics, threads)
     return data
 
 
@@ -132,8 +138,9 @@ def _check(pair, te, parameter, values, starts, settle, record, observe, max_imp
     taken.take(arguments.flag, "keep_interrupted", keep_interrupted)
     if progress is not None:
         taken.take(arguments.function, "progress", progress)
-    if observe and "exponents" in observe and "cycles" not in observe:
-        taken.problems.append("observe: 'exponents' wants 'cycles' beside it")
+    for record in ("exponents", "amplitudes"):
+        if observe and record in observe and "cycles" not in observe:
+            taken.problems.append(f"observe: {record!r} wants 'cycles' beside it")
     taken.raise_if_any("sweep")
     return np.unique(values), starts, observe
 
@@ -181,6 +188,7 @@ def _dataset(result, oscillators, parameter, values, starts, wanted, phase, attr
         data["period"] = (by_point, _periods(tables, oscillators))
         data["motion_class"] = (by_point, _classes(tables, data["period"][1], data["status"][1],
                                                    oscillators[0].contact_law))
+    data |= mean_rotation.by_point(oscillators, result.cycle_means, shape, by_point)
     if wanted.tangent:
         data |= _stability(result, tables, data["period"][1], oscillators, by_point)
     if wanted.impacts:
@@ -260,6 +268,27 @@ def _with_spectra(data, result, oscillators, numerics, threads):
     return data.assign_coords(order=orders).assign(
         order_spectrum=((*by_point, "order"), amplitudes.reshape(*data["status"].shape, -1)),
         mesh_frequency_ratio=(by_point[1], ratio))
+
+
+def _newtons(pair, parameter, value):
+    """Force per unit of deflection, k'·lever (N), at one value of the parameter."""
+    if parameter in {field.name for field in fields(GearPair)}:
+        pair = replace(pair, **{parameter: value})
+    return pair.mesh_stiffness * pair.pinion_base_lever
+
+
+def _with_amplitudes(data, result, oscillators, newtons, numerics, threads):
+    """Amplitudes and forces beside the rest, `amplitudes.amplitudes`."""
+    from lapwing.studies.sweep.amplitudes import amplitudes
+
+    starts = data.sizes["start"]
+    found = amplitudes(
+        oscillators * starts, result.outcome, data["period"].values.ravel(),
+        newtons * starts, data.attrs["phase"], numerics=numerics,
+        threads=usable_threads(threads, len(oscillators) * starts))
+    by_point, shape = data["status"].dims, data["status"].shape
+    return data.assign({name: (by_point, column.reshape(shape))
+                        for name, column in found.items()})
 
 
 def _speed_edges(oscillators):

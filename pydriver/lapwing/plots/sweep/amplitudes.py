@@ -1,0 +1,112 @@
+"""The classical picture of a sweep: how much the motion moves, mean and peak mesh force."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lapwing.plots import critical_marks, style
+from lapwing.plots.sweep import parts as sweep_parts
+from lapwing.results.findings import known
+
+# Variable, factor to what is drawn, heading, and unit, of each panel.
+PANELS = (("dynamic_te_rms", style.URAD, "dynamic transmission error, rms", "µrad"),
+          ("dynamic_te_peak_to_peak", style.URAD, "dynamic transmission error, peak to peak",
+           "µrad"),
+          ("phi_rms", style.URAD, "displacement φ from the flank, rms", "µrad"),
+          ("phi_peak_to_peak", style.URAD, "displacement φ from the flank, peak to peak", "µrad"),
+          ("mesh_force_mean", 1.0, "mesh force of spring and damper, mean (impacts apart)", "N"),
+          ("mesh_force_peak", 1.0, "mesh force of spring and damper, peak (impacts apart)", "N"))
+# Of the mesh frequency in units of the natural one: where resonances of the engaged teeth lie.
+RESONANCES = (1, 2, 3)
+# Part of the greatest number that the panels reach, so that labels above have room.
+ROOM = 1.12
+
+
+@style.house_style()
+def shows(sweep):
+    """Whether some point has a result, and the sweep what is drawn."""
+    return bool(known(sweep).any() and "dynamic_te_rms" in sweep)
+
+
+def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
+         marks=()):
+    """Draw amplitudes and forces of a sweep.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset, result of `lapwing.sweep` with 'cycles' and 'amplitudes' observed, as
+        it is or as group `sweep_<name>` of a result file
+    gear_pair : mapping or None, group `gear_pair`; tells where resonances lie along a speed
+    title, full_engagement, marks : as for `orbit_diagram.draw`
+    claims : not used; as in the other figures of a sweep
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure = style.new_figure(11, 9)
+    axes = figure.subplots(3, 2, sharex=True)
+    for axis, (name, factor, words, unit), letter in zip(axes.flat, PANELS, "abcdef", strict=True):
+        axis.set_title(f"({letter}) {words}")
+        axis.set_ylabel(f"({unit})")
+        _panel(axis, sweep, name, factor)
+    parameter = sweep_parts.parameter_of(sweep)
+    values = sweep[parameter].values
+    engaged = sweep_parts.full_engagement_of(sweep, full_engagement)
+    sweep_parts.mark_full_engagement(axes.flat, engaged, axes[0, 1], sweep)
+    critical_marks.draw_marks(axes.flat, axes[0, 0], marks, values, engaged)
+    marked = _resonances(axes, parameter, values, gear_pair)
+    sweep_parts.finish(figure, axes[:, 0], sweep,
+                       f"amplitudes: {sweep.attrs.get('name', '')}" if title is None else title)
+    axes[-1, 1].set_xlabel(axes[-1, 0].get_xlabel())
+    if marked:
+        axes[-1, 0].set_xlabel(f"{axes[-1, 0].get_xlabel()}; Ω: mesh frequency / natural frequency")
+    sweep_parts.legend(figure, axes[0, 0], sweep, failed=bool(sweep_parts.failed(sweep).any()))
+    return figure
+
+
+def _panel(axis, sweep, name, factor):
+    """One number of each branch; dots, for neighbours may be different motions."""
+    if not np.isfinite(sweep[name].values).any():
+        style.nothing(axis, "the rigid law has no spring, hence no force"
+                      if name.startswith("mesh_force") else "no amplitude is known")
+        return
+    for branch, look in sweep_parts.branches(sweep):
+        axis.plot(branch[sweep_parts.parameter_of(sweep)], factor * branch[name], linestyle="",
+                  marker="o", markersize=1.4 + look["size"], markeredgewidth=0,
+                  color=look["color"], alpha=look["alpha"])
+    top = factor * np.nanmax(sweep[name].values)
+    bottom = min(0.0, factor * np.nanmin(sweep[name].values))
+    axis.set_ylim(ROOM * bottom, ROOM * top if top > 0 else 0.0 if bottom else 1.0)
+    if not (top > 0 or bottom):
+        axis.set_yticks([0])  # any other number would be made up
+
+
+def _resonances(axes, parameter, values, gear_pair):
+    """Dotted lines where the mesh frequency is the natural one, a half or a third; whether any."""
+    if gear_pair is None or "pinion_teeth" not in gear_pair:
+        return False
+    natural, teeth = float(gear_pair["natural_frequency"]), int(gear_pair["pinion_teeth"])
+    at_natural = {"pinion_speed_rpm": natural / teeth * 30 / math.pi,
+                  "pinion_speed_rad_s": natural / teeth,
+                  "mesh_frequency_hz": natural / (2 * math.pi)}.get(parameter)
+    if at_natural is None:
+        return False
+    marked = False
+    for order in RESONANCES:
+        place = at_natural / order
+        if not values[0] <= place <= values[-1]:
+            continue
+        marked = True
+        for axis in axes.flat:
+            axis.axvline(place, color=style.WALL, linewidth=0.9, linestyle=":", zorder=1)
+        axes[0, 0].annotate(f"Ω = 1/{order}" if order > 1 else "Ω = 1", (place, 0.97),
+                            xycoords=("data", "axes fraction"), xytext=(4, 0),
+                            textcoords="offset points", ha="left", va="top", fontsize=9,
+                            color=style.WALL)
+    return marked
+
+
+__all__ = ["draw"]

@@ -1,0 +1,1 @@
+"""The findings that a summary begins with, from the evidence of all studies together."""

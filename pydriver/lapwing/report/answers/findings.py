@@ -1,0 +1,355 @@
+"""The findings of a run in a few sentences: what an engineer asks first, and how sure it is.
+
+At which braking torque do back impacts vanish, at which does separation vanish, and what happens
+in between?  Each sentence says what it rests on; none is told without it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lapwing.base.arrivals import arrivals_in, per_cycle
+from lapwing.base.codes import Status
+from lapwing.report.answers.besides import besides
+from lapwing.report.answers.evidence import failures, looks, together
+from lapwing.report.answers.limits import MOST, at_least, at_most, bands
+from lapwing.report.critical import REASONS
+from lapwing.report.numbers import doubtful
+from lapwing.report.words import parameter_unit, plural
+from lapwing.results.findings import START_NAMES, known, names, rattles
+
+HEADING = "## Findings"
+# What to add to a deck, in its own words.
+SEARCH = "&critical, find = 'safe'"
+
+
+def findings(responses, criticals, sweeps, missing=()):
+    """What a run found, the most important first.
+
+    Parameters
+    ----------
+    responses, criticals, sweeps : sequences of Dataset, each with its name as an attribute
+    missing : sequence of (kind, name), studies of the deck without a result
+
+    Returns
+    -------
+    list of str, each a sentence or two in Markdown
+    """
+    stopped = _stopped(sweeps, missing)
+    torque = _Torque(responses, criticals, sweeps)
+    answers = [*torque.sentences(), *besides(criticals, sweeps)]
+    if not answers:
+        return [*stopped, "**Nothing is known**: no run has a result."]
+    return [*stopped, *answers, *torque.failures()]
+
+
+def findings_lines(found):
+    """The section of the summary: heading and list."""
+    return [HEADING, "", *(f"- {sentence}" for sentence in found)]
+
+
+def told_in(summary):
+    """The sentences of the findings of a summary, as `findings` gave them; none where it has none.
+
+    Parameters
+    ----------
+    summary : str
+
+    Returns
+    -------
+    tuple of str
+    """
+    _, _, rest = summary.partition(f"\n{HEADING}\n\n")
+    return tuple(line.removeprefix("- ") for line in rest.partition("\n\n")[0].splitlines())
+
+
+def on_console(found, width=100):
+    """The sentences without Markdown, wrapped, as one text."""
+    import textwrap
+
+    plain = (sentence.replace("**", "").replace("`", "") for sentence in found)
+    return "\n".join(textwrap.fill(
+        sentence, width, initial_indent="  - ", subsequent_indent="    ",
+        break_long_words=False, break_on_hyphens=False) for sentence in plain)
+
+
+def _stopped(sweeps, missing):
+    """What the deck asked for and did not get."""
+    parts = [f"{kind} `{name}` has no result" for kind, name in missing]
+    for sweep in sweeps:
+        open_ = int((sweep["status"].values == Status.UNFINISHED).sum())
+        if open_:
+            parts.append(f"sweep `{sweep.attrs.get('name', '')}` lacks {open_} of "
+                         f"{sweep['status'].size} points")
+    return ["**The run was stopped before its end**: " + "; ".join(parts) + ". What follows rests "
+            "on the rest."] if parts else []
+
+
+class _Torque:
+    """What is known along the braking torque at the deck's own speed."""
+
+    unit = parameter_unit("brake_torque")
+
+    def __init__(self, responses, criticals, sweeps):
+        self.responses = [one for one in responses if not int(one.attrs.get("own_operation", 0))]
+        self.criticals = [one for one in criticals if one.attrs["parameter"] == "brake_torque"
+                          and not int(one.attrs.get("own_operation", 0))]
+        self.sweeps = [one for one in sweeps if one["status"].dims[1] == "brake_torque"]
+        self.looks = looks(responses, criticals, sweeps)
+        self.coast = looks(responses, criticals, sweeps, flank="coast")
+        self.rattling, self.back = (together(self.looks, what) for what in ("rattling", "back"))
+        self.kept = self._kept()
+        studies = [*self.responses, *self.sweeps, *self.criticals]
+        # Files of older versions have these attributes in some studies only.
+        self.laws = {key: one.attrs[key] for one in reversed(studies) for key in
+                     ("contact_law", "impact_law", "gap", "balanced") if key in one.attrs}
+        self.law = arrivals_in(self.laws)
+
+    def sentences(self):
+        """Back impacts, separation, contact, in between, what to choose."""
+        return [sentence for sentence in (
+            self._back_sentence(), self._separation_sentence(), self._kept_sentence(),
+            self._between_sentence(), self._choice_sentence(), self._coast_sentence()) if sentence]
+
+    def failures(self):
+        """What is not covered, where anything else is known."""
+        lost = failures([*self.looks, *self.coast])
+        return [f"**{plural(lost, 'motion')} failed numerically**: what they would have shown is "
+                "not covered."] if lost else []
+
+    def _at(self, values, what="looked at"):
+        """Such values in words: 'at 12 N·m', 'at the 5 torques looked at, 12 to 14 N·m'."""
+        if len(values) == 1:
+            return f"at {values[0]:g} {self.unit}, the only torque {what}"
+        return f"at the {len(values)} torques {what}, {values[0]:g} to {values[-1]:g} {self.unit}"
+
+    def _back_sentence(self):
+        seen, word = self.back, f"back {self.law.word}"
+        if not seen.values.size or self.laws.get("gap") == "one_flank":
+            return ""
+        if seen.last is None:
+            return (f"**No {word}s** were seen {self._at(seen.values)}, in "
+                    f"{_cycles(seen.cycles.sum())}{self._rate(None)}.")
+        head = f"**{word.capitalize()}s** were last seen at {seen.last:g} {self.unit}"
+        above = seen.above(seen.last)
+        if not above.values.size:
+            return f"{head}, the highest torque with a result: where they end is not known."
+        below = seen.where(seen.values < seen.last)
+        bands = ""
+        if below.values.size and not below.seen.all():
+            bands = (f" It is no sharp threshold: at {int((~below.seen).sum())} of the "
+                     f"{plural(below.values.size, 'torque')} looked at below it there were none "
+                     "either.")
+        return (f"{head}: none {self._at(above.values, 'looked at above it')}, in "
+                f"{_cycles(above.cycles.sum())}{self._rate(seen.last)}.{bands}")
+
+    def _rate(self, last):
+        """The limit of the rate of back impacts beyond the last one, where one is known."""
+        for one in self.criticals:
+            if "trial_rate_bound" not in one or one.attrs.get("safe_end") != "high":
+                continue
+            value = one["trial_value"].values
+            rows = one["trial_cycles"].values > 0
+            rows &= value > (-math.inf if last is None else last)
+            bound = one["trial_rate_bound"].values[rows].max(initial=0)
+            if rows.any() and 0 < bound < math.inf:
+                some = np.sort(value[rows])
+                where = f"from {some[0]:g} to {some[-1]:g} {self.unit}" if some.size > 1 \
+                    else f"at {some[0]:g} {self.unit}"
+                return (f" ({where}, with {100 * one.attrs['confidence']:g} % confidence, fewer "
+                        f"than one burst of them begins in {1 / bound:,.0f} mesh cycles)")
+        return ""
+
+    def _search(self):
+        """A search for T_safe, or None."""
+        return next((one for one in self.criticals if one.attrs["find"] == "safe"
+                     and one.attrs.get("safe_end") == "high"), None)
+
+    def _quiet(self):
+        """Values above the last rattling at which nothing rattles and nothing failed.
+
+        Returns
+        -------
+        array of values, how they were looked at in words
+
+        Those of a search for T_safe where there is one: it tries more starts.
+        """
+        above = self.rattling.above(self.rattling.last)
+        quiet, search = above.values[~above.failed], self._search()
+        if search is not None:
+            tried = quiet[np.isin(quiet, search["trial_value"].values)]
+            if tried.size:
+                attrs = search.attrs
+                return tried, (f"each from rest and {plural(attrs['n_starts'] - 1, 'other start')},"
+                               f" followed for {attrs['settle'] + attrs['record']} mesh cycles")
+        return quiet, self._how(quiet)
+
+    def _how(self, values):
+        """From which starts the motions at all of some values came, or that it is not the same."""
+        from_ = {one.how: set(one.values[one.motions > 0]) for one in self.looks
+                 if one.rattling is not None}
+        every = [how for how in from_ if how in START_NAMES and set(values) <= from_[how]]
+        if every:
+            return names(every)
+        return "by the responses alone" if set(from_) == {"response"} \
+            else "not from the same starts at each"
+
+    def _last_rattling(self):
+        """The greatest torque with rattling, to the digits that the step to a quiet one leaves."""
+        quiet = self._quiet()[0]
+        return at_most(self.rattling.last, quiet[0] - self.rattling.last if quiet.size else 0.0)
+
+    def _separation_sentence(self):
+        seen = self.rattling
+        if not seen.values.size or (seen.values.size == 1 and self._of_responses()):
+            return ""
+        quiet, how = self._quiet()
+        if seen.last is None:
+            return f"**The teeth were not seen to part** {self._at(quiet)} ({how})." if quiet.size \
+                else ""
+        if not quiet.size:
+            beyond = seen.above(seen.last).values.size
+            return (f"**The teeth part** at torques up to {seen.last:g} {self.unit}, "
+                    + ("and above it motions failed numerically" if beyond else
+                       "the highest with a result")
+                    + ": where separation ends is not known.")
+        return (f"**Separation** was seen up to {self._last_rattling()} {self.unit}, and none "
+                f"{self._at(quiet, 'looked at above it')} ({how}).")
+
+    def _kept(self):
+        """(find, outcome, value, phase) of T_full or T_on, or None."""
+        for one in self.criticals:
+            if one.attrs["find"] in ("full", "on"):
+                attrs = one.attrs
+                return attrs["find"], attrs["outcome"], float(attrs.get("estimate", math.nan))
+        for one in (*self.sweeps, *self.responses):
+            if math.isfinite(one.attrs.get("full_engagement", math.nan)):
+                return "full", "found", float(one.attrs["full_engagement"])
+        return None
+
+    def _kept_sentence(self):
+        if self.kept is None:
+            return ""
+        find, outcome, value = self.kept
+        what = "Contact can be kept" if find == "full" else "A resting rigid tooth stays"
+        if outcome != "found":
+            why = REASONS.get(outcome, "the engaged motion grows without end (undamped resonance)")
+            return f"**{what} at no torque**: {why}."
+        symbol = "T_full" if find == "full" else "T_on"
+        head = (f"**{what} from {at_least(value)} {self.unit}** ({symbol}, in closed form for this "
+                "transmission error and speed)")
+        beyond = self.rattling.above(value)
+        if not beyond.values.size:
+            return f"{head}; what else may move there was not looked at."
+        if beyond.seen.any():
+            return (f"{head}, but from there to {self._last_rattling()} {self.unit} rattling was "
+                    "seen as well: the start decides.")
+        return f"{head}; no other motion was seen above it" \
+            + ", but some failed numerically" * bool(beyond.failed.any()) + "."
+
+    def _between_sentence(self):
+        """What happens between the last back impact and the last separation."""
+        high, low = self.rattling.last, self.back.last
+        if high is None:
+            return ""
+        for sweep in self.sweeps:
+            found = self._between_in(sweep, low, high)
+            if found:
+                return found
+        return self._of_responses()
+
+    def _between_in(self, sweep, low, high):
+        values = sweep["brake_torque"].values
+        starts = [str(start) for start in sweep["start"].values]
+        branch = sweep.isel(start=starts.index("rest") if "rest" in starts else 0)
+        start = str(branch["start"].values)
+        rows = known(branch) & rattles(branch) & (values <= high) & (branch["force"].values > 0)
+        rows &= values > (-math.inf if low is None or low >= high else low)
+        at = np.flatnonzero(rows)
+        if not at.size:
+            return ""
+        counts, wild = per_cycle(branch), branch["period"].values[at] == 0
+        depth = 1e6 * branch["deepest_separation"].max("recorded_cycle").values
+        head = "**In between**" if low is not None and low < high else \
+            "**Where the teeth part**"
+        # The first, the one with most impacts, the last.
+        shown = np.unique([at[0], at[np.argmax(counts[at])], at[-1]])
+        text = f"{head}, {START_NAMES.get(start, start)}: " + "; ".join(
+            f"at {values[i]:g} {self.unit} {_count(counts[i], self.law.word)} per mesh cycle, "
+            f"{depth[i]:.4g} µrad of separation" for i in shown)
+        if not wild.any():
+            return text + "; every motion has a period."
+        return text + (f"; no period at {wild.sum()} of {plural(at.size, 'torque')}, the highest "
+                       f"{values[at[wild][-1]]:g} {self.unit}.")
+
+    def _of_responses(self):
+        """The responses that part, one by one."""
+        there = [one.attrs for one in self.responses if not one.attrs["status"]
+                 and not one.attrs["fully_engaged"] and one.attrs["force"] > 0]
+        there = sorted(there, key=lambda one: one["brake_torque"])
+        if not there:
+            return ""
+        parts = []
+        for one in there[:MOST]:
+            period = one["period"]
+            motion = f"period {period}" if period else "no period found"
+            motion += ", which the second run does not confirm" * doubtful(one)
+            parts.append(f"at {one['brake_torque']:g} {self.unit} "
+                         f"{_count(one['impacts_per_cycle'], self.law.word)} per mesh cycle, "
+                         f"{1e6 * one['deepest_separation']:.4g} µrad of separation ({motion})")
+        more = f"; {len(there) - MOST} more below" * (len(there) > MOST)
+        return f"**Where the teeth part**: {'; '.join(parts)}{more}."
+
+    def _choice_sentence(self):
+        """The least torque to choose, and what would change it."""
+        seen = self.rattling
+        value = self.kept[2] if self.kept and self.kept[1] == "found" else math.nan
+        quiet = self._quiet()[0] if seen.values.size else np.zeros(0)
+        quiet = quiet[~(quiet < value)]
+        if not quiet.size:
+            if not math.isfinite(value):
+                return "**Which torque to choose is not answered**: look at higher ones." \
+                    if seen.values.size else ""
+            least = value if seen.last is None else max(value, seen.last)
+            return (f"**So choose more than {at_least(least)} {self.unit}**, but how much more is "
+                    f"not answered: a search for T_safe ({SEARCH}) that begins above it would say.")
+        step = quiet[0] - seen.last if seen.last is not None else 0.0
+        least = max(quiet[0], value) if math.isfinite(value) else quiet[0]
+        search = self._search()
+        label = "" if search is None else " (T_safe)" if seen.last is not None \
+            else ", the lowest torque searched"
+        head = f"**So choose at least {at_least(least, step)} {self.unit}**{label}, and a margin"
+        margin = ""
+        if math.isfinite(value) and value > 0 and self.laws.get("balanced", 0):
+            margin = (f": 10 % more transmission error raises T_full to {at_least(1.1 * value)} "
+                      f"{self.unit}") if self.kept[0] == "full" else ""
+        doubts = ["a start that was not tried", "a longer look"]
+        if self.laws.get("contact_law") == "restitution" and "impact_law" in self.laws:
+            doubts.append(f"another impact law than `{self.laws['impact_law']}`")
+        doubt = ", ".join(doubts[:-1]) + f" or {doubts[-1]}"
+        few = "" if search is not None else \
+            f" Few starts were tried: a search for T_safe ({SEARCH}) tries more."
+        return f"{head}{margin}; {doubt} may move it.{few}"
+
+    def _coast_sentence(self):
+        seen = together(self.coast, "rattling")
+        if not seen.values.size:
+            return ""
+        head = f"**Where the torque presses on the coast flanks** ({self._at(seen.values)})"
+        if not seen.seen.any():
+            return f"{head} they never part."
+        if seen.seen.all():
+            return f"{head} they part at every torque looked at."
+        return (f"{head} they part at {bands(seen.values, seen.seen)} {self.unit}, not at "
+                f"{bands(seen.values, ~seen.seen)} {self.unit}.")
+
+
+def _cycles(number):
+    return f"{number:,} mesh cycle" + "s" * bool(number != 1)
+
+
+def _count(number, word):
+    """A number of impacts to three digits, in words."""
+    return plural(float(f"{number:.3g}"), word)

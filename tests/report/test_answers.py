@@ -1,0 +1,260 @@
+"""The findings: each sentence is true, whatever is missing, failed or aperiodic."""
+
+import re
+import warnings
+
+import numpy as np
+import pytest
+from partial_data import DAMAGES, interrupted, one_start_lost, whole_sweeps
+from partial_studies import (
+    RESPONSE_DAMAGES,
+    SEARCH_DAMAGES,
+    failed,
+    nothing_known,
+    second_run_differs,
+    unsafe_ones_failed,
+    whole_responses,
+    whole_searches,
+)
+
+import lapwing
+from helpers import PAIR, SHIPPED
+from lapwing import MotionState, Status
+from lapwing.base.codes import SearchStage
+from lapwing.report.answers.findings import findings, findings_lines, on_console, told_in
+from lapwing.report.answers.limits import at_least, at_most, bands
+
+SWEEPS = ("torque", "compliant", "rigid", "one_branch", "single", "negative", "engaged", "speed")
+RESPONSES = ("periodic", "chaotic", "chatter", "engaged", "rigid", "compliant", "short")
+SEARCHES = ("safe", "all_safe", "all_unsafe", "back", "no_back", "all_back")
+NOTHING = "**Nothing is known**: no run has a result."
+
+
+@pytest.fixture(scope="module")
+def sweeps():
+    return whole_sweeps()
+
+
+@pytest.fixture(scope="module")
+def responses():
+    return whole_responses()
+
+
+@pytest.fixture(scope="module")
+def searches():
+    return whole_searches()
+
+
+def told(responses=(), criticals=(), sweeps=(), missing=()):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        said = findings(responses, criticals, sweeps, missing)
+    assert not re.search(r"\b(nan|inf|None)\b", " ".join(said))
+    return said
+
+
+def points(sweep):
+    """(value, rattles, meets the coast flank, failed) of each point, one by one."""
+    for point in (sweep.isel(start=i).isel({sweep.attrs["parameter"]: j})
+                  for i in range(sweep.sizes["start"])
+                  for j in range(sweep.sizes[sweep.attrs["parameter"]])):
+        value, status = float(point[sweep.attrs["parameter"]]), int(point["status"])
+        if status == Status.UNFINISHED:
+            continue
+        if status:
+            yield value, False, False, True
+            continue
+        visited = {int(one) for one in point["states_visited"].values}
+        yield (value, visited != {1 << MotionState.ENGAGEMENT} or bool(point["impacts"].sum()),
+               bool((point["back_impacts"] + point["back_engages"]).sum()), False)
+
+
+def trials(critical):
+    """The same of a search, each motion of a trial one point; None: not looked at."""
+    for i in range(critical.sizes["trial"]):
+        one = critical.isel(trial=i)
+        if "trial_stage" in one and int(one["trial_stage"]) == SearchStage.CONFIRMATION:
+            continue
+        value, lost = float(one["trial_value"]), int(one["trial_failed"])
+        if lost < int(one["trial_starts"]):
+            yield (value, bool(one["trial_rattling"]) if "trial_rattling" in one else None,
+                   bool(one["trial_back_cycles"]) if "trial_back_cycles" in one else None, False)
+        if lost:
+            yield value, False, False, True
+
+
+def check(said, seen):
+    """Every sentence against the motions themselves, one by one."""
+    text = " ".join(said)
+    there = [one for one in seen if not one[3]]
+    rattling = sorted(value for value, rattles, _, _ in there if rattles)
+    back = sorted(value for value, _, met, _ in there if met)
+    lost = {value for value, _, _, broken in seen if broken}
+    if not there:
+        for claim in ("looked at above", "were seen at", "not seen to part", "at least",
+                      "no other motion", "last seen", "part at"):
+            assert claim not in text, claim
+    if found := re.search(r"\*\*Back \w+\*\* were last seen at ([\d.]+)", text):
+        assert float(found[1]) == back[-1]
+    if re.search(r"\*\*No back", text):
+        assert not back
+    if found := re.search(r"none at the (\d+) torques looked at above it, \S+ to \S+ N·m, in "
+                          r"([\d,]+) mesh", text):
+        assert int(found[1]) == len({one[0] for one in there
+                                     if one[2] is not None and one[0] > back[-1]})
+    if found := re.search(r"\*\*Separation\*\* was seen up to ([\d.]+)", text):
+        assert float(found[1]) <= rattling[-1] < float(found[1]) + 0.5
+    if "not seen to part" in text:
+        assert not rattling
+    if "no other motion was seen above it." in text or "not seen to part" in text:
+        assert not any(one[1] for one in there if one[0] > 11.9167454)
+    if found := re.search(r"choose at least ([\d.]+) N·m", text):
+        least = float(found[1])
+        assert not any(value >= least for value in rattling)
+        assert any(one[1] is False and one[0] <= least + 1e-9 for one in there)
+        assert least not in lost
+    if found := re.search(r"choose more than ([\d.]+) N·m", text):
+        assert not rattling or float(found[1]) >= rattling[-1]
+    if found := re.search(r"(\d+) motions? failed", text):
+        assert lost and int(found[1]) > 0
+    elif NOTHING not in text:
+        assert not lost or "runs failed" in text or "run failed" in text
+
+
+@pytest.mark.parametrize("damage", DAMAGES, ids=lambda one: one.__name__)
+@pytest.mark.parametrize("name", SWEEPS)
+def test_findings_of_a_sweep_rest_on_its_points(sweeps, name, damage):
+    data = damage(sweeps[name])
+    said = told(sweeps=[data])
+    seen = list(points(data))
+    if name not in ("negative", "speed"):
+        check(said, seen)
+    done = data["status"].values == Status.OK
+    assert (NOTHING in said) == (not done.any() and "full_engagement" not in data.attrs)
+    lacking = int((data["status"].values == Status.UNFINISHED).sum())
+    stopped = [one for one in said if one.startswith("**The run was stopped")]
+    assert bool(stopped) == bool(lacking)
+    if lacking:
+        assert f"sweep `{name}` lacks {lacking} of {done.size} points" in said[0]
+    if damage.__name__ == "aperiodic" and name in ("torque", "rigid", "one_branch"):
+        assert "every motion has a period" not in " ".join(said)
+
+
+@pytest.mark.parametrize("damage", SEARCH_DAMAGES, ids=lambda one: one.__name__)
+@pytest.mark.parametrize("name", SEARCHES)
+def test_findings_of_a_search_rest_on_its_motions(searches, name, damage):
+    data = damage(searches[name])
+    said = told(criticals=[data])
+    check(said, list(trials(data)))
+    if damage is nothing_known:
+        assert said == [NOTHING]
+    if "T_safe)" in " ".join(said):
+        assert data.attrs["outcome"] == "found" and data["trial_rattling"].values.any()
+
+
+@pytest.mark.parametrize("damage", RESPONSE_DAMAGES, ids=lambda one: one.__name__)
+@pytest.mark.parametrize("name", RESPONSES)
+def test_findings_of_a_response_rest_on_it(responses, name, damage):
+    data = damage(responses[name])
+    said = " ".join(told([data]))
+    if damage is failed:
+        assert said == NOTHING
+        return
+    parts = not data.attrs["fully_engaged"]
+    assert ("**Where the teeth part**" in said) == parts
+    assert ("were not seen to part" in said) == (not parts)
+    if parts:
+        assert ("no period found" in said) == (not data.attrs["period"])
+        assert ("does not confirm" in said) == (damage is second_run_differs)
+    assert "at least" not in said or not parts
+
+
+def test_studies_are_taken_together(sweeps, searches):
+    said = told(criticals=[searches["safe"], searches["back"]], sweeps=[sweeps["torque"]])
+    everything = [*points(sweeps["torque"]), *trials(searches["safe"]), *trials(searches["back"])]
+    check(said, everything)
+    text = " ".join(said)
+    assert "**Back impacts** were last seen at 0.7 N·m" in text
+    assert "each from rest and 16 other starts" in text
+    assert re.search(r"from 11\.92 N·m\*\* \(T_full.*from there to 12\.3\d* N·m rattling", text)
+    assert "choose at least 12.5 N·m** (T_safe)" in text
+    # Between 0.7 and the last rattling: in between, not "where the teeth part".
+    assert "**In between**, each from rest: at 1.8 N·m 3 impacts per mesh cycle, 609.7" in text
+
+
+def test_a_sweep_that_rattles_above_the_search_moves_the_choice(sweeps, searches):
+    louder = sweeps["torque"].copy(deep=True)
+    last = louder.sizes["brake_torque"] - 2  # 13 N·m
+    louder["impacts"][{"start": 0, "brake_torque": last}] = 4
+    said = " ".join(told(criticals=[searches["safe"]], sweeps=[louder]))
+    assert "up to 13 N·m" in said and "choose at least 14 N·m" in said
+
+
+def test_what_was_not_computed_comes_first(sweeps):
+    said = told(sweeps=[interrupted(sweeps["torque"])], missing=[("critical", "T_safe")])
+    assert said[0].startswith("**The run was stopped before its end**: critical `T_safe` has no "
+                              "result; sweep `torque` lacks 12 of 24 points.")
+    assert told(missing=[("response", "a")])[-1] == NOTHING
+
+
+def test_starts_are_named_only_where_they_were_at_every_value(sweeps):
+    assert "(each from rest, carried upwards, carried downwards)" in " ".join(
+        told(sweeps=[sweeps["torque"]]))
+    half = " ".join(told(sweeps=[interrupted(sweeps["torque"])]))
+    assert "(carried downwards)" in half
+    lost = " ".join(told(sweeps=[one_start_lost(sweeps["torque"])]))
+    assert "each from rest" not in lost
+
+
+def test_a_search_that_only_failed_below_knows_no_last_separation(searches):
+    said = " ".join(told(criticals=[unsafe_ones_failed(searches["safe"])]))
+    assert "Separation** was seen" not in said and "(T_safe)" not in said
+    assert "the lowest torque searched" in said
+
+
+def test_other_operating_points_are_kept_apart(searches):
+    own = searches["safe"].assign_attrs(own_operation=1, brake_torque=3.0)
+    said, = told(criticals=[own])
+    assert said.startswith("**Besides**: at 3 N·m (`safe`) no rattling seen above T_safe")
+    speed = lapwing.critical_full(PAIR, SHIPPED, parameter="pinion_speed_rpm", brake_torque=12,
+                                  values=np.arange(100, 401, 50), safe_end="low")
+    said, = told(criticals=[speed.assign_attrs(name="speed", brake_torque=12.0)])
+    # 240.7065: an upper limit is rounded down.
+    assert said == "**Besides**: at 12 N·m contact can be kept up to a pinion speed of 240.7 rpm."
+
+
+def test_along_another_parameter(sweeps):
+    data = sweeps["speed"].assign_attrs(brake_torque=3.3).drop_vars("dynamic_te_rms")
+    said, = told(sweeps=[data])
+    assert said == ("**Along the pinion speed** (3 values, 100 to 400 rpm, at 3.3 N·m) the teeth "
+                    "part at 200 to 400 rpm, not at 100 rpm; back impacts were not seen.")
+
+
+def test_negative_torques_press_on_the_coast_flanks(sweeps):
+    said, = told(sweeps=[sweeps["negative"]])
+    assert "presses on the coast flanks" in said
+    assert "they part at -12.5 to -5 N·m, not at -14 N·m" in said
+
+
+@pytest.mark.parametrize(("value", "step", "least", "most"), [
+    (12.4375, 0.0125, "12.44", "12.43"), (12.42, 0.02, "12.42", "12.42"), (13.0, 1.0, "13", "13"),
+    (11.9167454, 0, "11.92", "11.91"), (240.7065, 0, "240.8", "240.7"), (0.0, 0, "0", "0"),
+    (-3.14159, 0, "-3.141", "-3.142"), (123456.0, 0, "123500", "123400")])
+def test_limits_are_rounded_to_the_safe_side(value, step, least, most):
+    assert at_least(value, step) == least
+    assert at_most(value, step) == most
+
+
+def test_bands_are_told():
+    values = np.arange(6.0)
+    assert bands(values, np.array([1, 1, 0, 1, 0, 1], bool)) == "0 to 1, 3, 5"
+
+
+def test_the_console_says_what_the_summary_says(sweeps):
+    said = told(sweeps=[sweeps["torque"]])
+    summary = "\n".join(["# case", "", *findings_lines(said), "", "25 × 32 teeth"])
+    assert told_in(summary) == tuple(said)
+    assert told_in("# case\n\nNo findings") == ()
+    shown = on_console(said)
+    assert max(map(len, shown.splitlines())) <= 100 and "**" not in shown
+    assert re.sub(r"\s+", " ", shown).count(" - ") == len(said)
