@@ -56,10 +56,11 @@ def python_tests(full: bool) -> None:
 
 
 def lint() -> None:
-    """Style of all sources; both checkers speak before either fails."""
-    both = (("ruff", "check", ".", ".build"),
-            ("fortitude", "check", "fortran", "tests/fortran", "tests/reference"))
-    if not all([passes(run, *command) for command in both]):
+    """Style and types of all sources; every checker speaks before any fails."""
+    checks = (("ruff", "check", ".", ".build"),
+              ("fortitude", "check", "fortran", "tests/fortran", "tests/reference"),
+              ("mypy",))
+    if not all([passes(run, *command) for command in checks]):
         raise subprocess.CalledProcessError(1, "lint")
 
 

@@ -142,7 +142,7 @@ def compare_runs(osc, other_osc, begin, phase, cycles, methods, tolerance=None):
 
     def run(osc, begin, method, rtol):
         method = "auto" if method == "exact" else method
-        return simulate(osc, begin, phase, cycles, method=method, rtol=rtol, record=("events",),
+        return simulate(osc, begin, phase, cycles, method=method, rtol=rtol, observe=("events",),
                         max_events_per_cycle=20_000)
     one, other = run(osc, begin, *methods[0]), run(other_osc, begin, *methods[1])
     changed = run(changed_osc, changed_begin, *methods[0])

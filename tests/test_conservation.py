@@ -31,7 +31,7 @@ def test_bouncing_keeps_its_energy(period, height):
     speed = math.sqrt(2 * height)
     osc = elastic(period=period, gap="one_flank")
     run = simulate(osc, ("separation", -height, 0.0), cycles=20_000 * speed / period,
-                   record=("events",))
+                   observe=("events",))
     impacts = events(run, EventKind.IMPACT)
     assert set(kinds(run)) == {EventKind.IMPACT} and impacts["tau"].size >= 9_999
     energy = (impacts["velocity_before"] / speed) ** 2
@@ -42,7 +42,7 @@ def test_bouncing_keeps_its_energy(period, height):
 def test_ping_pong_between_both_flanks():
     """Period 2(v_f - v_b)/F with v_f = √(2E), v_b = √(2(E - Fθ0)); here F = θ0 = 1, E = 2."""
     osc = elastic(period=10.0, backlash=1.0)
-    run = simulate(osc, ("separation", 0.0, -2.0), cycles=1000, record=("events",))
+    run = simulate(osc, ("separation", 0.0, -2.0), cycles=1000, observe=("events",))
     front, back = (events(run, kind) for kind in IMPACTS)
     period = 2 * (2 - math.sqrt(2))
     # τ up to 10⁴ rounds by EPS/2 of that; energy drifts by less than 1e-12 (below), and with it
@@ -57,7 +57,7 @@ def test_ping_pong_between_both_flanks():
 def test_mesh_cuts_do_not_touch_a_flight(back_flank_te):
     """Cycle ends inside a flight change nothing but rounding, however many there are."""
     runs = [simulate(elastic(period=period, backlash=1.0, back_flank_te=back_flank_te),
-                     ("separation", -0.25, 0.5), cycles=300 / period, record=("events",))
+                     ("separation", -0.25, 0.5), cycles=300 / period, observe=("events",))
             for period in (300.0, 0.05)]
     one, many = (run.events["tau"].values for run in runs)
     # Each of the 6000 ends of a cycle adds a rounding of position and velocity, both of order 1

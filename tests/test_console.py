@@ -13,7 +13,7 @@ from test_cli import write_deck
 RUN = """
 from lapwing import plots
 from lapwing.__main__ import main
-plots.RESPONSE_FIGURES = plots.SWEEP_FIGURES = ()
+plots.FIGURES.update(response=(), sweep=())
 main()
 """
 

@@ -15,7 +15,7 @@ WAVE = TransmissionError.harmonic([1.0])
 
 def trio(osc, start="rest", rtol=RTOL, **options):
     """A run, the same at a tenth of its tolerance, and one of changed data."""
-    options = {"method": "rk4", "record": ("events",), **options}
+    options = {"method": "rk4", "observe": ("events",), **options}
     changed, begin = changed_data(osc, start)
     return (simulate(osc, start, rtol=rtol, **options),
             simulate(osc, start, rtol=10 * rtol, **options),
@@ -91,7 +91,7 @@ def test_a_touch_is_excused_by_its_closest_approach(miss, excused):
     osc = oscillator(backlash=1.0, period=10.0, gap="one_sided")
     short, beyond = (("separation", 0.0, -np.sqrt(2 * (1 + sign * miss))) for sign in (-1, 1))
     one, *_ = trio(osc, beyond, cycles=0.5)
-    other = simulate(osc, short, cycles=0.5, rtol=RTOL, record=("events",))
+    other = simulate(osc, short, cycles=0.5, rtol=RTOL, observe=("events",))
     back = EventKind.BACK_IMPACT
     assert back in one.events["kind"].values and back not in other.events["kind"].values
     verdict = compare(one, other, one, RTOL)
@@ -115,7 +115,7 @@ def test_equal_times_in_another_order_are_a_matter_of_error():
     kinked = TransmissionError.from_hermite([0.0, 0.5], [0.0, 0.25], [-0.5, 0.5], [0.5, -0.5])
     osc = oscillator(kinked, force=2.0, period=2.0, restitution=0.5)
     runs = [simulate(osc, ("separation", -0.75 + early, -0.25), cycles=0.6, rtol=RTOL,
-                     record=("events",)) for early in (1e-13, -1e-13, 1e-5)]
+                     observe=("events",)) for early in (1e-13, -1e-13, 1e-5)]
     kinds = [run.events["kind"].values[0] for run in runs]
     assert kinds == [EventKind.IMPACT, EventKind.KINK, EventKind.IMPACT]
     assert compare(runs[0], runs[1], runs[0], RTOL).why == "ambiguous: two events at one time"

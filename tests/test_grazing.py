@@ -135,7 +135,7 @@ def test_default_distance_is_a_thousandth_of_the_angle_scale():
 
 
 def test_grazes_alone_can_be_recorded():
-    run = launched(flight(), math.sqrt(2 * (1 - 1e-6)), record=("grazes",), cycles=3)
+    run = launched(flight(), math.sqrt(2 * (1 - 1e-6)), observe=("grazes",), cycles=3)
     assert set(kinds(run)) == {EventKind.BACK_NEAR_GRAZE}
 
 

@@ -53,7 +53,7 @@ def run_case(case, method, cycles):
     osc = oscillator_of(case["scene"])
     assert osc.period == pytest.approx(case["scene"]["period"], rel=2 * EPS)
     return simulate(osc, start_of(case), case["phase"], cycles, method=method, rtol=RTOL,
-                    record=("events",))
+                    observe=("events",))
 
 
 def tolerances(run, method, tau, phi, speed, condition):
@@ -154,7 +154,7 @@ def test_harmonic_series(run, method):
         pinion_speed_rpm=float(scene["pinion_speed_rpm"]), contact_law=scene["contact_law"],
         impact_law=scene.get("impact_law", "relative"))
     found = simulate(osc, run["start"], cycles=run["cycles"], method=method, rtol=RTOL,
-                     record=("events",))
+                     observe=("events",))
     names = [(event["kind"], event["flank"]) for event in run["events"]]
     tails = [(event["flank"], float(event["tau"])) for event in run["events"]
              if event["kind"] == "chatter_end"]
@@ -219,7 +219,7 @@ def test_the_closed_form_does_not_depend_on_the_tolerance(path):
     case = load(path)
     osc, length = oscillator_of(case["scene"]), case["cycles"] - case["phase"]
     runs = [simulate(osc, start_of(case), case["phase"], length, method="exact", rtol=rtol,
-                     chatter_tol=1e-13, record=("events",)) for rtol in (1e-3, 1e-9)]
+                     chatter_tol=1e-13, observe=("events",)) for rtol in (1e-3, 1e-9)]
     assert runs[0].method == "exact"
     for name in ("tau", "kind", "velocity_after"):
         assert np.array_equal(*(run.events[name].values for run in runs))

@@ -17,7 +17,7 @@ def energies(osc, start):
 
     And the number of smooth stretches passed.
     """
-    run = simulate(osc, start, cycles=PERIODS, method="exact", record=("cycles",))
+    run = simulate(osc, start, cycles=PERIODS, method="exact", observe=("cycles",))
     phi, rate = run.cycles["phi"].values, run.cycles["phi_dot"].values
     assert phi.size >= PERIODS
     energy = rate**2 / 2 - osc.force * phi
@@ -65,7 +65,7 @@ def test_energy_after_a_hundred_thousand_periods(case):
 def test_ping_pong_after_a_hundred_thousand_periods():
     """Speeds at both flanks, √(2E) and √(2(E - Fθ0)), and the time of 170,000 flights."""
     run = simulate(elastic(period=2.0, backlash=1.0), ("separation", 0.0, -2.0), cycles=PERIODS,
-                   method="exact", record=("events",))
+                   method="exact", observe=("events",))
     front, back = (events(run, kind) for kind in (EventKind.IMPACT, EventKind.BACK_IMPACT))
     assert np.abs((front["velocity_before"] / 2) ** 2 - 1).max() < 1e-12
     assert np.abs(back["velocity_before"] ** 2 / 2 - 1).max() < 1e-12
@@ -79,7 +79,7 @@ def test_ping_pong_after_a_hundred_thousand_periods():
 def test_the_compliant_period_to_its_last_bits():
     """8.06888787159141 at v/F = 2: the mean of 10⁵ periods."""
     run = simulate(compliant(), ("engagement", 0.0, 2.0), cycles=PERIODS * 1.01, method="exact",
-                   record=("events",))
+                   observe=("events",))
     taus = events(run, EventKind.ENGAGE)["tau"]
     assert exact_period(2.0, 1.0) == pytest.approx(8.06888787159141, rel=1e-14)
     assert taus[PERIODS - 1] / PERIODS == pytest.approx(exact_period(2.0, 1.0), rel=1e-12)
@@ -90,6 +90,6 @@ def test_damped_contact_rests_where_it_should(damping_ratio):
     """Where nothing moves the tooth it comes to φ = F and stays there to the last bits."""
     osc = oscillator(damping_ratio=damping_ratio, contact_law="compliant", period=5.0)
     run = simulate(osc, ("engagement", 1.5, 0.0), cycles=20_000, method="exact",
-                   record=("cycles",))
+                   observe=("cycles",))
     assert np.abs(run.cycles["phi"].values[-100:] - 1.0).max() <= 2 * EPS
     assert np.abs(run.cycles["phi_dot"].values[-100:]).max() <= 2 * EPS

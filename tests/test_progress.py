@@ -99,7 +99,7 @@ def test_a_bar_shows_what_takes_longer_than_a_second(capsys, seconds, shown):
 
 def test_a_single_response_is_not_silent(tmp_path, hasty, monkeypatch):
     """The response does not go on before a line was written."""
-    from lapwing.studies.response import run as home
+    from lapwing.studies.response import study as home
 
     stream, original = Log(), home.response
 
@@ -116,8 +116,8 @@ def test_a_single_response_is_not_silent(tmp_path, hasty, monkeypatch):
 
 
 def test_drawing_again_tells_how_far_it_is(tmp_path, monkeypatch):
-    monkeypatch.setattr("lapwing.plots.RESPONSE_FIGURES", ("impact_section",))
-    monkeypatch.setattr("lapwing.plots.SWEEP_FIGURES", ())
+    monkeypatch.setattr("lapwing.plots.FIGURES", {"response": ("impact_section",), "sweep": (),
+                                         "critical": ("critical_search",)})
     run_deck(load_deck(write_deck(tmp_path)), tmp_path / "r", threads=1)
     monkeypatch.setattr(progress, "MINUTE", 0.0)
     stream = io.StringIO()

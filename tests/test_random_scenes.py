@@ -37,7 +37,7 @@ def test_scenes_cover_every_law_and_event():
     assert any(osc.force < 0 for osc, *_ in scenes)
     seen, active = set(), 0
     for osc, begin, phase, cycles in scenes:
-        run = simulate(osc, begin, phase, cycles, rtol=1e-4, record=("events",),
+        run = simulate(osc, begin, phase, cycles, rtol=1e-4, observe=("events",),
                        max_events_per_cycle=20_000)
         seen |= set(run.events["kind"].values.tolist())
         active += run.events.sizes["event"] > 0
@@ -68,7 +68,7 @@ def test_most_scenes_allow_the_closed_form():
     methods = []
     for seed in range(60):
         osc, begin, phase, _ = scene(seed)
-        methods.append(simulate(osc, begin, phase, 0.01, method="auto", record=()).method)
+        methods.append(simulate(osc, begin, phase, 0.01, method="auto", observe=()).method)
     # Only a forcing close to an undamped resonance is left to Runge-Kutta.
     assert methods.count("exact") >= 57
 
@@ -144,7 +144,7 @@ def test_no_crossing_of_the_dense_output_is_missed(rtol):
         osc, begin, phase, cycles = scene(seed)
         if osc.contact_law == "rigid":
             continue  # a tooth that follows its flank has no dense output
-        run = simulate(osc, begin, phase, cycles, method="rk4", rtol=rtol, record=("events",))
+        run = simulate(osc, begin, phase, cycles, method="rk4", rtol=rtol, observe=("events",))
         assert missed_crossings(run) <= 1, f"rtol {rtol}: {describe(seed)}"
 
 
@@ -153,7 +153,7 @@ def test_the_closed_form_stays_on_its_side_of_the_flanks():
         osc, begin, phase, cycles = scene(seed)
         if osc.contact_law == "rigid":
             continue
-        run = simulate(osc, begin, phase, cycles, method="auto", rtol=1e-10, record=("events",))
+        run = simulate(osc, begin, phase, cycles, method="auto", rtol=1e-10, observe=("events",))
         assert missed_crossings(run) <= 1, describe(seed)
 
 
@@ -164,7 +164,7 @@ def test_the_search_for_missed_crossings_finds_one():
         osc, begin, phase, cycles = scene(seed)
         if osc.contact_law != "compliant":
             continue
-        run = simulate(osc, begin, phase, cycles, method="rk4", rtol=1e-3, record=("events",))
+        run = simulate(osc, begin, phase, cycles, method="rk4", rtol=1e-3, observe=("events",))
         blind = run.events.isel(event=slice(0, 0))
 
         class Blind:

@@ -57,8 +57,8 @@ def test_far_ahead():
     """Nothing but a copied round reaches the end of so long a run."""
     osc = oscillator(TransmissionError.harmonic([1e-3]), force=1.0, period=5.0, damping_ratio=0.3,
                      contact_law="compliant")
-    end = simulate(osc, cycles=1_000_000_000, record=()).final
-    near = simulate(osc, cycles=1_000, record=()).final
+    end = simulate(osc, cycles=1_000_000_000, observe=()).final
+    near = simulate(osc, cycles=1_000, observe=()).final
     assert end.motion_state == MotionState.ENGAGEMENT
     assert (end.phi, end.phi_dot) == (near.phi, near.phi_dot)
 

@@ -30,8 +30,8 @@ ALL = ("--threads", 1, "--figures", "all")
 def two_figures():
     """Few figures, drawn for real."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lapwing.plots.RESPONSE_FIGURES", ("impact_section",))
-        patch.setattr("lapwing.plots.SWEEP_FIGURES", ())
+        patch.setattr("lapwing.plots.FIGURES", {"response": ("impact_section",), "sweep": (),
+                                      "critical": ("critical_search",)})
         yield
 
 
@@ -254,7 +254,7 @@ def stopped(*given, **more):
 
 setattr(owner, name, stopped)
 from lapwing import plots
-plots.RESPONSE_FIGURES, plots.SWEEP_FIGURES = ("impact_section",), ()
+plots.FIGURES.update(response=("response.impact_section",), sweep=())
 from lapwing.deck import load_deck
 from lapwing.run import run_deck
 deck = load_deck({deck!r}, [("operation.brake_torque", "6")])
@@ -325,7 +325,7 @@ def interrupted_run(deck, out, monkeypatch, **options):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr("lapwing.studies.sweep.run.sweep", stop)
+        patch.setattr("lapwing.studies.sweep.study.sweep", stop)
         return run_deck(load_deck(deck, options.pop("overrides", ())), out, threads=1, **options)
 
 
@@ -342,7 +342,7 @@ def test_an_interrupted_run_goes_on_where_it_stopped(done, tmp_path, two_figures
     assert f"before all studies of the deck were finished. No result: sweep `{name}`." in said
     assert outcome.headlines[-1] == f"{name}: not finished, no result"
     with monkeypatch.context() as patch:
-        patch.setattr("lapwing.studies.response.run.response", None)  # is not computed again
+        patch.setattr("lapwing.studies.response.study.response", None)  # is not computed again
         outcome = run_deck(load_deck(done[0]), out, threads=1)
     assert not outcome.interrupted and "1 finished study taken over" in outcome.notes[0]
     assert checksums(out / "small" / "result.nc") == checksums(done[1] / "result.nc")
@@ -373,7 +373,7 @@ def test_a_signal_while_drawing_keeps_the_results(done, tmp_path, two_figures, m
     with read_results(out / "small" / "result.nc") as results:
         assert not results.interrupted
     with monkeypatch.context() as patch:
-        for study in ("response.run.response", "sweep.run.sweep"):
+        for study in ("response.study.response", "sweep.study.sweep"):
             patch.setattr(f"lapwing.studies.{study}", None)
         assert not run_deck(load_deck(done[0]), out, threads=1).interrupted
     assert contents(out / "small").keys() == contents(done[1]).keys()
@@ -383,7 +383,7 @@ FULL_DISK = """
 import resource, signal, sys
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 from lapwing import plots
-plots.RESPONSE_FIGURES, plots.SWEEP_FIGURES = ("impact_section",), ()
+plots.FIGURES.update(response=("response.impact_section",), sweep=())
 from lapwing.deck import load_deck
 from lapwing.run import run_deck
 resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size}))
@@ -432,7 +432,7 @@ def test_figures_without_room_are_named_and_the_numbers_kept(done, tmp_path, two
     manifest = Manifest.read(folder)
     assert manifest.state == "incomplete" and not manifest.damaged(folder)
     with monkeypatch.context() as patch:
-        for study in ("response.run.response", "sweep.run.sweep"):
+        for study in ("response.study.response", "sweep.study.sweep"):
             patch.setattr(f"lapwing.studies.{study}", None)
         assert call("run", done[0], "--out", folder.parent, *ALL).exit_code == OK
     found = contents(folder)
@@ -482,7 +482,7 @@ import os, signal
 from lapwing import plots
 from lapwing.plots import style
 from lapwing.results import store
-plots.RESPONSE_FIGURES, plots.SWEEP_FIGURES = ("impact_section",), ()
+plots.FIGURES.update(response=("response.impact_section",), sweep=())
 style.DPI = 40
 left, replace = {step}, os.replace
 
@@ -548,8 +548,8 @@ def test_a_figure_that_fails_leaves_the_others_and_is_named(tmp_path, monkeypatc
     """The next run does not take these results for complete."""
     from lapwing.plots import te_curve
 
-    monkeypatch.setattr("lapwing.plots.RESPONSE_FIGURES", ("impact_section",))
-    monkeypatch.setattr("lapwing.plots.SWEEP_FIGURES", ())
+    monkeypatch.setattr("lapwing.plots.FIGURES", {"response": ("impact_section",), "sweep": (),
+                                      "critical": ("critical_search",)})
 
     def broken(*_):
         raise RuntimeError("no ink")

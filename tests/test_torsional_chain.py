@@ -249,7 +249,7 @@ def test_a_sweep_does_not_depend_on_threads():
 def test_a_response_tells_both_shafts():
     """Momentum of the shafts and their relative speed, from the stored columns."""
     osc = chain(1.8, 1.9)
-    data = response(osc, PAIR, name="one", brake_torque=1.8, settle_cycles=10, record_cycles=5)
+    data = response(osc, PAIR, name="one", settle=10, record=5)
     ratio = PAIR.gear_ratio
     nominal = 1500 * math.pi / 30
     momentum = (ratio * PAIR.pinion_inertia * (data.pinion_speed - nominal)
@@ -267,7 +267,7 @@ def test_a_response_tells_both_shafts():
 def test_the_figure_shows_both_shafts(drive):
     """The mean speed as stored, up to the record's end; each shaft about its share of it."""
     osc = chain(1.8, drive)
-    data = response(osc, PAIR, name="one", brake_torque=1.8, settle_cycles=10, record_cycles=5)
+    data = response(osc, PAIR, name="one", settle=10, record=5)
     mean, pinion, gear = shaft_motion.draw(data, {"gear_ratio": PAIR.gear_ratio}).axes
     speeds = mean.lines[0].get_ydata()
     np.testing.assert_array_equal(speeds[:-1], data.cycle_mean_speed)

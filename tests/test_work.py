@@ -13,7 +13,7 @@ SCENES = [lambda **o: scene_a(1.8, **o), lambda **o: scene_a(5.5, "relative", **
 
 @pytest.mark.parametrize("build", SCENES)
 def test_nothing_asked_nothing_done(build):
-    work = simulate(build(), cycles=5, record=(), method="rk4").work
+    work = simulate(build(), cycles=5, observe=(), method="rk4").work
     assert (work["samples"], work["depth_searches"], work["graze_searches"]) == (0, 0, 0)
     assert work["steps"] > 0 and work["drive_flank_searches"] > 0
     assert work["coast_flank_searches"] > 0
@@ -21,7 +21,7 @@ def test_nothing_asked_nothing_done(build):
 
 @pytest.mark.parametrize("build", SCENES)
 def test_nothing_asked_nothing_done_in_closed_form(build):
-    work = simulate(build(), cycles=5, record=(), method="exact").work
+    work = simulate(build(), cycles=5, observe=(), method="exact").work
     assert work.pop("stretches") > 5
     assert not any(work.values())
 
@@ -30,8 +30,8 @@ def test_nothing_asked_nothing_done_in_closed_form(build):
 @pytest.mark.parametrize(("record", "counter"), [("cycles", "depth_searches"),
                                                  ("grazes", "graze_searches")])
 def test_each_record_costs_its_own_searches_only(build, record, counter):
-    plain = simulate(build(), cycles=5, record=("events",)).work
-    other = simulate(build(), cycles=5, record=("events", record)).work
+    plain = simulate(build(), cycles=5, observe=("events",)).work
+    other = simulate(build(), cycles=5, observe=("events", record)).work
     assert plain[counter] == 0 < other[counter]
     assert {k: v for k, v in other.items() if k != counter} == {
         k: v for k, v in plain.items() if k != counter}
@@ -65,7 +65,7 @@ def test_samples_are_taken_by_the_history_alone():
 def test_searches_follow_the_steps():
     """A flight searches each flank at most once a step and table piece, a contact its own flank."""
     osc = oscillator(restitution=1.0, backlash=1.0, period=4.0)
-    work = simulate(osc, ("separation", -0.25, 0.0), cycles=100, record=(), method="rk4").work
+    work = simulate(osc, ("separation", -0.25, 0.0), cycles=100, observe=(), method="rk4").work
     assert 0 < work["drive_flank_searches"] <= work["steps"]
     assert work["coast_flank_searches"] <= work["steps"]
     # Flights are exact at any length: one step from event to event or end of a cycle.
@@ -124,7 +124,7 @@ def test_a_chatter_at_full_restitution_is_bounded():
 @pytest.mark.parametrize("bad", [
     {"rtol": 0.0}, {"rtol": 1e-1}, {"rtol": float("nan")}, {"cycles": 0}, {"cycles": -1.0},
     {"cycles": float("inf")}, {"phase": 1.0}, {"phase": -0.1}, {"method": "euler"},
-    {"record": ("event",)}, {"count_depth": 1.5}, {"chatter_tol": 0.0},
+    {"observe": ("event",)}, {"count_depth": 1.5}, {"chatter_tol": 0.0},
     {"max_events_per_cycle": 0}, {"max_steps_per_cycle": 2**31}])
 def test_bad_arguments_are_refused(bad):
     with pytest.raises(ValueError):

@@ -7,6 +7,8 @@ from importlib import import_module
 
 _HOMES = {
     "TransmissionError": "model.transmission_error",
+    "Scales": "model.oscillator",
+    "ParameterError": "model.oscillator",
     "GearPair": "model.gear_pair",
     "Oscillator": "model.oscillator",
     "critical_back": "studies.critical.run",
@@ -18,6 +20,13 @@ _HOMES = {
     "engaged_response": "model.linear_response",
     "lift_off_force": "model.rigid_contact",
     "StartGrid": "studies.critical.starts",
+    "Numerics": "engine",
+    "response": "studies.response.run",
+    "exponents": "studies.exponents",
+    "NoOrbit": "studies.orbit",
+    "load_deck": "deck.load",
+    "run_deck": "run",
+    "open_results": "results.file",
     "simulate": "studies.trajectory",
     "sweep": "studies.sweep.run",
     "find_orbit": "studies.orbit",

@@ -18,6 +18,7 @@ import typer
 
 from lapwing.base import estimates, exit_codes, signals
 from lapwing.base.exit_codes import MEANINGS, ExitCode
+from lapwing.base.registry import STUDIES
 
 OK, FAILED, BAD_INPUT, SURROUNDINGS, INTERRUPTED = (
     ExitCode.GOOD, ExitCode.FAILED, ExitCode.BAD_INPUT, ExitCode.SURROUNDINGS,
@@ -199,8 +200,7 @@ def plot(files: Annotated[list[Path], typer.Argument(metavar="RESULT.nc...", hel
 
 def _studies(deck):
     """How much there is to do."""
-    counts = ((len(deck.responses), "response"), (len(deck.sweeps), "sweep"),
-              (len(deck.criticals), "critical value"))
+    counts = ((len(deck.studies[study.kind]), study.words) for study in STUDIES.values())
     return ", ".join(f"{n} {word}{'s' if n != 1 else ''}" for n, word in counts)
 
 
@@ -323,7 +323,7 @@ def _critical(deck, threads, progress):
     """Search and print the critical values of one deck; returns its exit code."""
     from lapwing.report.answers.findings import findings
     from lapwing.report.critical import critical_table, critical_text
-    from lapwing.studies.critical.of_deck import critical_study
+    from lapwing.studies.critical.study import critical_study
 
     if not deck.criticals:
         _complain(f"{deck.path}: no &critical in this deck")

@@ -16,7 +16,6 @@ from lapwing.base import estimates
 from lapwing.base.messages import printable
 from lapwing.base.signals import held
 from lapwing.deck import DeckError, changed_keys, load_deck, used_hash, used_text
-from lapwing.deck.schema import SPEEDS
 from lapwing.deck.used import stored_hash
 from lapwing.results.store import (
     COMPLETE,
@@ -337,11 +336,10 @@ class _Run:
         if drawn:
             discard(self.aside)
         missing = [(kind, name) for kind, name in studies_of(self.deck)
-                   if name not in getattr(found, kind + "s")]
+                   if name not in found.studies[kind]]
         return Outcome(folder, interrupted=not drawn, failed=found.failed(), undrawn=undrawn,
                        refused=refused, findings=told, notes=tuple(self.notes),
-                       headlines=headlines([*found.responses.values()], found.criticals,
-                                           found.sweeps, missing))
+                       headlines=headlines(found.studies, missing))
 
     def _write(self, found, folder):
         """Result file, summary and the deck as used; returns the checksums of the variables."""
@@ -355,12 +353,11 @@ class _Run:
             path, variables = self.whole
             shutil.copyfile(path, folder / RESULT_FILE)
         else:
-            osc = _reference_oscillator(self.deck)
             variables = write_results(
                 folder / RESULT_FILE, deck_name=self.deck.title, deck_text=self.deck.text,
                 used_text=text, used_hash=self.inputs, pair=self.deck.gear_pair, te=self.deck.te,
-                osc=osc, measured=_measured(self.deck, osc), responses=[*found.responses.values()],
-                sweeps=found.sweeps, criticals=found.criticals, te_source=_te_source(self.deck),
+                te_sign=self.deck.operation["te_sign"], found=found.studies,
+                te_source=_te_source(self.deck), measured=_measured(self.deck),
                 interrupted=found.interrupted, studies=studies_of(self.deck))
         with read_results(folder / RESULT_FILE, check=False) as results:
             self._warn(results.transmission_error.attrs)
@@ -411,20 +408,23 @@ def _te_source(deck):
     return curve_source(Path(name).name, deck.curve, samples and samples[0].size) if name else None
 
 
-def _measured(deck, osc):
+def _measured(deck):
     """What is stored of measured samples: they, their fit, and how much its high orders decide."""
     from lapwing.results.curve import curve_variables
     from lapwing.studies.critical.measured import high_orders
 
     variables, attributes = curve_variables(deck.curve, deck.te_table.samples())
-    return variables, {**attributes, **high_orders(deck, osc)}
+    return variables, {**attributes, **high_orders(deck, _reference_oscillator(deck))}
 
 
 def _reference_oscillator(deck):
     """The deck's operating point; what it leaves to its studies is taken from the first."""
+    from lapwing.base.registry import STUDIES
+    from lapwing.deck.declare import SPEEDS
+
     operation = dict(deck.operation)
     if not operation.keys() & set(SPEEDS):
-        first = (*deck.responses, *deck.sweeps, *deck.criticals)[0]
+        first = next(asked for study in STUDIES for asked in deck.studies[study])
         operation |= first.operation
         if getattr(first, "group", None) == "operation":
             operation[first.parameter] = 1.0 if first.values is None else float(first.values[0])

@@ -50,7 +50,7 @@ def peak(work):
 SWEEP = ("sweep(pair, te, parameter='brake_torque', values=[1.0 + i for i in range({})], "
          "starts=['rest'], settle=0, record={}, pinion_speed_rpm=240., observe={}, threads=1)")
 RESPONSE = ("response(pair.oscillator(te, brake_torque=30., pinion_speed_rpm=240.), pair, "
-            "name='a', record_cycles={}, settle_cycles=1, samples_per_cycle=4000)")
+            "name='a', record={}, settle=1, samples_per_cycle=4000)")
 
 
 @pytest.mark.parametrize(("small", "large", "bound"), [
@@ -93,7 +93,7 @@ def test_python_calls_are_refused_alike():
               record=10**8, observe=["cycles"], pinion_speed_rpm=240.0)
     osc = pair.oscillator(te, brake_torque=1.8, pinion_speed_rpm=240.0)
     with pytest.raises(MemoryError, match=r"response: needs at least .*; lower record_cycles"):
-        response(osc, pair, name="a", record_cycles=10**8)
+        response(osc, pair, name="a", record=10**8)
 
 
 @pytest.mark.parametrize(("files", "left"), [
@@ -153,7 +153,7 @@ def test_tables_are_counted_as_they_are_stored():
     pair = GearPair(25, 32, .0078, .026, .034, 3.12e8, .002, .8, damping_ratio=.1)
     te = TransmissionError.parabola(125e-6)
     osc = pair.oscillator(te, brake_torque=30., pinion_speed_rpm=240.)
-    one = described(response(osc, pair, name="a", record_cycles=3, settle_cycles=1))
+    one = described(response(osc, pair, name="a", record=3, settle=1))
     samples = sum(v.dtype.itemsize for v in one.variables.values() if v.dims == ("sample",))
     assert samples == estimates.STORED_SAMPLE
     cycles = described(sweep(pair, te, parameter="brake_torque", values=[30.], starts=["rest"],

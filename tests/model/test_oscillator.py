@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from helpers import EPS, PAIR, SHIPPED
 from lapwing.base.codes import ContactLaw, EventKind, Flank, Gap, ImpactLaw, MotionState, Status
 from lapwing.model.oscillator import Oscillator, names
 from lapwing.model.transmission_error import TransmissionError
@@ -117,3 +118,13 @@ def test_codes_are_the_engines_numbers():
     assert [*ContactLaw] == [*ImpactLaw, 3] == [*Gap] == [1, 2, 3]
     assert names(Gap) == ("one_sided", "symmetric", "one_flank")
     assert EventKind.BACK_CHATTER_END == 8 and MotionState.BACK_ENGAGEMENT == 2
+
+
+def test_an_oscillator_knows_the_torque_it_was_made_from():
+    """As given, not as recomputed; under another force it is that of the balance."""
+    driven = PAIR.oscillator(SHIPPED, brake_torque=1.8, drive_torque=2.0, pinion_speed_rpm=240)
+    assert driven.brake_torque == 1.8
+    assert driven.brake_torque != driven.force / PAIR.force_per_torque
+    balanced = driven.with_force(3 * PAIR.force_per_torque)
+    assert balanced.brake_torque == pytest.approx(3, rel=4 * EPS)
+    assert build().brake_torque is None

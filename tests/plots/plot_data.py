@@ -16,14 +16,14 @@ from lapwing.engine import Numerics
 from lapwing.results import read_results, write_results
 from lapwing.studies.response.run import response
 
-SHORT = {"settle_cycles": 40, "record_cycles": 20, "samples_per_cycle": 200, "rtol": 1e-6}
+SHORT = {"settle": 40, "record": 20, "samples_per_cycle": 200, "rtol": 1e-6}
 CLAIM = {"claim_impacts_per_cycle": 3, "claim_deepest_separation": 0.00063,
          "claim_text": "3 impacts per cycle"}
 RESPONSES = {
     # name: oscillator, further arguments
     "periodic": (scene_a(1.8), {"brake_torque": 1.8, **CLAIM}),
-    "aperiodic": (scene_a(0.8), {"brake_torque": 0.8, "settle_cycles": 5}),
-    "engaged": (scene_a(14), {"brake_torque": 14, "settle_cycles": 80}),
+    "aperiodic": (scene_a(0.8), {"brake_torque": 0.8, "settle": 5}),
+    "engaged": (scene_a(14), {"brake_torque": 14, "settle": 80}),
     "rigid": (scene_a(3.3, "relative", contact_law="rigid"), {"brake_torque": 3.3}),
     "rigid_engaged": (scene_a(1000, "relative", contact_law="rigid"), {"brake_torque": 1000}),
     "chatter": (scene_d(5.5), {"brake_torque": 5.5}),
@@ -31,7 +31,7 @@ RESPONSES = {
     "one_flank": (scene_a(1.8, "relative", gap="one_flank"), {"brake_torque": 1.8}),
     "standing": (scene_a(0.2, "relative", back_flank_te=False), {"brake_torque": 0.2}),
     "failed": (scene_d(5.5), {"brake_torque": 5.5, "max_events_per_cycle": 3}),
-    "single_cycle": (scene_a(1.8), {"brake_torque": 1.8, "record_cycles": 1}),
+    "single_cycle": (scene_a(1.8), {"brake_torque": 1.8, "record": 1}),
 }
 CURVES = {
     "table": SHIPPED, "kinked": TransmissionError.parabola(125e-6),
@@ -84,9 +84,10 @@ def make_results(folder, responses=tuple(RESPONSES), sweeps=None, criticals=None
     found = [response(osc, PAIR, name=name, **(SHORT | options))
              for name, (osc, options) in RESPONSES.items() if name in responses]
     write_results(folder / "result.nc", deck_name="test", deck_text="", used_text="",
-                  used_hash="0", pair=PAIR, te=SHIPPED, osc=scene_a(1.0), responses=found,
-                  sweeps=make_sweeps() if sweeps is None else sweeps,
-                  criticals=make_criticals() if criticals is None else criticals)
+                  used_hash="0", pair=PAIR, te=SHIPPED, te_sign="printed", found={
+                      "response": {one.attrs["name"]: one for one in found},
+                      "sweep": make_sweeps() if sweeps is None else sweeps,
+                      "critical": make_criticals() if criticals is None else criticals})
     return read_results(folder / "result.nc")
 
 
@@ -94,6 +95,6 @@ def make_curve(folder, name):
     """Group `transmission_error` of a file with another curve."""
     te = CURVES[name]
     write_results(folder / f"{name}.nc", deck_name="test", deck_text="", used_text="",
-                  used_hash="0", pair=PAIR, te=te, responses=[], sweeps={},
-                  osc=PAIR.oscillator(te, brake_torque=1.0, pinion_speed_rpm=240))
+                  used_hash="0", pair=PAIR, te=te, found={},
+                  te_sign="printed")
     return read_results(folder / f"{name}.nc")

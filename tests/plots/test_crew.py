@@ -29,7 +29,7 @@ def file(tmp_path_factory):
 def few_figures():
     """Five figures will do; a process is told what to draw."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plots, "RESPONSE_FIGURES", ("impact_section", "history"))
+        patch.setitem(plots.FIGURES, "response", ("response.impact_section", "response.history"))
         yield
 
 
@@ -109,7 +109,7 @@ def test_a_script_needs_no_guard(file, tmp_path):
     script.write_text(
         "from lapwing import plots\nfrom lapwing.plots.crew import Crew\n"
         "from lapwing.results import read_results\nprint('once')\n"
-        "plots.RESPONSE_FIGURES = ('impact_section',)\n"
+        "plots.FIGURES['response'] = ('response.impact_section',)\n"
         f"with read_results({str(file)!r}) as results, Crew(2) as crew:\n"
         f"    plots.draw_all(results, {str(tmp_path)!r}, formats=('png',), crew=crew)\n",
         encoding="utf-8")
@@ -123,7 +123,7 @@ from lapwing import plots
 from lapwing.base import signals
 from lapwing.plots.crew import Crew
 from lapwing.results import read_results
-plots.RESPONSE_FIGURES = ("impact_section", "history")
+plots.FIGURES["response"] = ("response.impact_section", "response.history")
 with signals.listen():
     try:
         with read_results({file!r}) as results, Crew(2) as crew:

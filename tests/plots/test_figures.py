@@ -64,7 +64,7 @@ def assert_units(figure):
         assert UNIT.search(label) or label in WITHOUT_UNIT, label
 
 
-@pytest.mark.parametrize("module", plots.RESPONSE_FIGURES)
+@pytest.mark.parametrize("module", plots.FIGURES["response"])
 @pytest.mark.parametrize("name", RESPONSES)
 def test_a_response_is_drawn(results, module, name):
     figure = draw(module, results.response(name), results.gear_pair, name in LAID_OUT)
@@ -72,15 +72,15 @@ def test_a_response_is_drawn(results, module, name):
     assert name in figure.get_suptitle()
 
 
-@pytest.mark.parametrize("module", plots.RESPONSE_FIGURES)
+@pytest.mark.parametrize("module", plots.FIGURES["response"])
 def test_a_response_is_drawn_without_its_gear_pair(results, module):
     assert_units(draw(module, results.response("periodic"), None))
 
 
-@pytest.mark.parametrize("module", plots.SWEEP_FIGURES)
+@pytest.mark.parametrize("module", plots.FIGURES["sweep"])
 @pytest.mark.parametrize("name", SWEEPS)
 def test_a_sweep_is_drawn(results, module, name):
-    if plots.NEEDED.get(module, "status") not in results.sweep(name):
+    if not plots.shows(module, results.sweep(name)):
         stems = [task.stem for task in plots.tasks_of(results)]
         assert name == "plain" and f"{module}_{name}" not in stems
         return
@@ -154,7 +154,7 @@ def test_what_is_not_there_is_said(results):
     def said(module, name):
         return " ".join(texts(draw(module, results.response(name), results.gear_pair)))
 
-    for module in plots.RESPONSE_FIGURES:
+    for module in plots.FIGURES["response"]:
         assert "the run failed (too many events)" in said(module, "failed")
     assert "no impact in 20 recorded cycles" in said("impact_section", "engaged")
     for module in ("history", "spectrum"):
@@ -255,7 +255,7 @@ def test_a_refined_path_keeps_its_nodes_and_follows_the_motion(results):
 
 
 def test_all_figures_are_written_the_same_twice(results, tmp_path, monkeypatch):
-    monkeypatch.setattr(plots, "RESPONSE_FIGURES", ("phase_portrait",))
+    monkeypatch.setitem(plots.FIGURES, "response", ("response.phase_portrait",))
     small = type("Small", (), {
         "attrs": results.attrs, "gear_pair": results.gear_pair, "responses": ("periodic",),
         "sweeps": (), "criticals": (), "response": results.response, "sweep": results.sweep,
@@ -264,7 +264,7 @@ def test_all_figures_are_written_the_same_twice(results, tmp_path, monkeypatch):
     second = plots.draw_all(small, tmp_path / "b", formats=("png",))
     names = {one.name for one in first}
     assert {"phase_portrait_periodic.png", "phase_portrait_periodic.pdf", "te_curve.png"} <= names
-    assert len(first) == 2 * (len(plots.RESPONSE_FIGURES) + 1)
+    assert len(first) == 2 * (len(plots.FIGURES["response"]) + 1)
     for one in second:
         assert one.read_bytes() == (tmp_path / "a" / one.name).read_bytes()
 

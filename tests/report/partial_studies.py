@@ -9,7 +9,7 @@ from lapwing import StartGrid, Status, critical_back, critical_safe
 from lapwing.base.codes import SearchStage
 from lapwing.studies.response.run import response
 
-SHORT = {"settle_cycles": 60, "record_cycles": 40, "samples_per_cycle": 64, "rtol": 1e-6}
+SHORT = {"settle": 60, "record": 40, "samples_per_cycle": 64, "rtol": 1e-6}
 CLAIM = {"claim_impacts_per_cycle": 3.0, "claim_deepest_separation": 0.00063, "claim_text": "three"}
 SEARCH = {"pinion_speed_rpm": 240, "impact_law": "absolute", "settle": 30, "record": 10}
 
@@ -22,7 +22,7 @@ def whole_responses():
         "chatter": (scene_d(5.5), {}), "engaged": (scene_a(14), {}),
         "rigid": (scene_c(3.3, contact_law="rigid"), {"exponents": True}),
         "compliant": (scene_a(1.8, "relative", contact_law="compliant"), {}),
-        "short": (scene_a(1.8), {"record_cycles": 1})}
+        "short": (scene_a(1.8), {"record": 1})}
     return {name: response(osc, PAIR, name=name, **(SHORT | options))
             for name, (osc, options) in scenes.items()}
 

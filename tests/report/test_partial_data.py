@@ -29,7 +29,7 @@ def test_every_sentence_rests_on_results(sweeps, name, damage):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         said = "\n".join(sweep_text(data))
-        line, = headlines((), {}, {name: data})
+        line, = headlines({"sweep": {name: data}})
     done = data["status"].values == Status.OK
     assert not re.search(r"\b(nan|inf)\b", said)
     assert line.startswith(f"{name}: {done.sum()} of {done.size} points have")
@@ -59,10 +59,10 @@ def test_every_sentence_rests_on_results(sweeps, name, damage):
 @pytest.mark.parametrize("name", SWEEPS)
 def test_every_figure_is_drawn_without_a_warning(sweeps, name, damage):
     data = damage(sweeps[name])
-    drawn = [module for module in plots.SWEEP_FIGURES if plots._has(data, module)]
+    drawn = [module for module in plots.FIGURES["sweep"] if plots.shows(module, data)]
     assert bool(drawn) == bool((data["status"] == Status.OK).any())
-    for module in plots.SWEEP_FIGURES:
-        if not plots._has(data, module):
+    for module in plots.FIGURES["sweep"]:
+        if not plots.shows(module, data):
             continue
         with warnings.catch_warnings():
             warnings.simplefilter("error")
@@ -104,4 +104,4 @@ def test_without_restitution_arrivals_are_engagements_everywhere(sweeps):
         axis = next(one for one in figure.axes if one.get_ylabel() == "engagements\nper cycle")
         assert max(np.nanmax(line.get_ydata()) for line in axis.lines[:3]) > 0
         assert not any("approach speed" in one.get_ylabel() for one in figure.axes)
-    assert not plots._has(data, "impact_speed_density")
+    assert not plots.shows("impact_speed_density", data)

@@ -21,7 +21,7 @@ from partial_studies import (
 from lapwing import plots
 from lapwing.report.critical import critical_table, critical_text, headline
 from lapwing.report.headlines import headlines
-from lapwing.report.summary import _legend, _paragraph, _table
+from lapwing.report.response import _legend, _paragraph, _table
 
 GEAR = {"natural_frequency": 8304.69, "pinion_base_lever": 0.034, "backlash": 0.002,
         "mesh_stiffness": 3.12e8}
@@ -44,7 +44,7 @@ def all_said(data):
     attrs = data.attrs
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        line, = headlines([data], {}, {})
+        line, = headlines({"response": {attrs["name"]: data}})
         return "\n".join([*_table([attrs]), *_legend([attrs]), _paragraph(attrs), line])
 
 
@@ -95,7 +95,7 @@ def test_without_an_interval_there_is_no_plus_minus(responses):
 
 @pytest.mark.parametrize("damage", RESPONSE_DAMAGES, ids=lambda one: one.__name__)
 @pytest.mark.parametrize("name", RESPONSES)
-@pytest.mark.parametrize("module", plots.RESPONSE_FIGURES)
+@pytest.mark.parametrize("module", plots.FIGURES["response"])
 def test_every_figure_of_a_response_shows_results_alone(responses, name, damage, module):
     data = damage(responses[name])
     with warnings.catch_warnings():

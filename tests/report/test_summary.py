@@ -10,17 +10,12 @@ import lapwing
 from helpers import PAIR, SHIPPED, as_in_a_deck, scene_a
 from lapwing.report.hysteresis import _runs
 from lapwing.report.numbers import doubtful, with_error
-from lapwing.report.summary import (
-    _energy_sentence,
-    _motion_sentence,
-    _table,
-    _times,
-    summary_text,
-)
+from lapwing.report.response import _energy_sentence, _motion_sentence, _table, _times
+from lapwing.report.summary import summary_text
 from lapwing.results import read_results, write_results
 from lapwing.studies.response.run import response
 
-SHORT = {"settle_cycles": 60, "record_cycles": 24, "samples_per_cycle": 32}
+SHORT = {"settle": 60, "record": 24, "samples_per_cycle": 32}
 
 
 @pytest.fixture(scope="module")
@@ -36,8 +31,9 @@ def text(tmp_path_factory):
                           pinion_speed_rpm=240, impact_law="absolute")
     path = tmp_path_factory.mktemp("summary") / "result.nc"
     write_results(path, deck_name="case", deck_text="", used_text="", used_hash="0a1b",
-                  pair=PAIR, te=SHIPPED, osc=scene_a(1.0), responses=responses,
-                  sweeps={"torque": as_in_a_deck(sweep)})
+                  pair=PAIR, te=SHIPPED, te_sign="printed", found={
+                      "response": {one.attrs["name"]: one for one in responses},
+                      "sweep": {"torque": as_in_a_deck(sweep)}})
     with read_results(path) as results:
         return summary_text(results)
 

@@ -14,7 +14,7 @@ from lapwing.results import DESCRIPTIONS, described, read_results, write_results
 from lapwing.studies.response.run import response
 
 DECK = "! deck with µ and θ\n&gear_pair\n/\n"
-SHORT = {"settle_cycles": 20, "record_cycles": 24, "samples_per_cycle": 32}
+SHORT = {"settle": 20, "record": 24, "samples_per_cycle": 32}
 SWEPT = {"pinion_speed_rpm": 240, "impact_law": "absolute", "settle": 20, "record": 8}
 
 
@@ -55,8 +55,9 @@ def write(responses, swept, criticals):
     def write_to(path, **changes):
         arguments = {
             "deck_name": "case", "deck_text": DECK, "used_text": "! used\n", "used_hash": "0a1b",
-            "pair": PAIR, "te": SHIPPED, "osc": scene_a(1.0), "responses": responses,
-            "sweeps": swept, "criticals": criticals, **changes}
+            "pair": PAIR, "te": SHIPPED, "te_sign": "printed", "found": {
+                "response": {one.attrs["name"]: one for one in responses}, "sweep": swept,
+                "critical": criticals}, **changes}
         write_results(path, **arguments)
         return path
 
@@ -137,7 +138,7 @@ def test_gear_deck_and_provenance(path):
 
 
 def test_the_table_can_name_its_source(write, tmp_path):
-    with read_results(write(tmp_path / "r.nc", te_source="te.csv", responses=[])) as results:
+    with read_results(write(tmp_path / "r.nc", te_source="te.csv", found={})) as results:
         assert results.transmission_error.attrs["source"] == "te.csv"
 
 
@@ -159,12 +160,6 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(write, path, tmp_pa
         write(kept, used_hash=object())
     assert kept.read_bytes() == before
     assert [file.name for file in tmp_path.iterdir()] == ["result.nc"]
-
-
-def test_two_responses_of_one_name_are_refused(write, responses, tmp_path):
-    with pytest.raises(ValueError, match="one name"):
-        write(tmp_path / "r.nc", responses=[responses[0], responses[0]])
-    assert not list(tmp_path.iterdir())
 
 
 def test_nothing_but_a_result_file_is_read(tmp_path):

@@ -7,7 +7,7 @@ import pytest
 
 from helpers import PAIR, SHIPPED, ball, ball_start, dataset_bytes, scene_a, scene_c
 from lapwing import sweep
-from lapwing.base.stability_names import NUMBERS, STABILITY
+from lapwing.base.quantities import NUMBERS, STABILITY
 from lapwing.engine import Numerics, TrajectoryCall, Wanted
 from lapwing.plots.sweep import exponents as figure
 from lapwing.report.summary import summary_text
@@ -97,7 +97,7 @@ def test_a_failed_point_has_no_numbers():
 
 # --- responses, files, summary ------------------------------------------------------------------
 
-SHORT = {"settle_cycles": 200, "record_cycles": 100, "samples_per_cycle": 16, "exponents": True}
+SHORT = {"settle": 200, "record": 100, "samples_per_cycle": 16, "exponents": True}
 
 
 @pytest.fixture(scope="module")
@@ -111,8 +111,9 @@ def results(tmp_path_factory, swept, rigid):
         response(scene_a(3.3), PAIR, name="plain", **{**SHORT, "exponents": False}),
         response(scene_a(3.3), PAIR, name="failed", **{**SHORT, "max_events_per_cycle": 2})]
     write_results(path, deck_name="test", deck_text="", used_text="", used_hash="0", pair=PAIR,
-                  te=SHIPPED, osc=scene_a(1.0, "relative"), responses=responses,
-                  sweeps={"torque": swept, "rigid": rigid})
+                  te=SHIPPED, te_sign="printed", found={
+                      "response": {one.attrs["name"]: one for one in responses},
+                      "sweep": {"torque": swept, "rigid": rigid}})
     with read_results(path) as opened:
         yield opened
 

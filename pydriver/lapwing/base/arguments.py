@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from collections.abc import Callable, Iterable
 from numbers import Integral, Real
 
@@ -106,6 +107,34 @@ def flag(name: str, value: object) -> bool:
     if not isinstance(given, bool):
         raise TypeError(wrong(name, value, "True or False"))
     return given
+
+
+def renamed(old: dict, who: str, names: dict) -> list:
+    """Values of arguments some of which have old names; a warning for each old one.
+
+    Parameters
+    ----------
+    old : keyword arguments of a function that it does not know by their names today
+    who : the function
+    names : old name -> (name today, its value)
+
+    Returns
+    -------
+    list of the values, in the order of `names`
+
+    Raises
+    ------
+    TypeError
+        for a keyword that is not even an old name.
+    """
+    for name in old.keys() - names.keys():
+        raise TypeError(f"{who}() got an unexpected keyword argument {name!r}")
+    values = []
+    for name, (today, value) in names.items():
+        if name in old:
+            warnings.warn(f"{who}: {name} is called {today}", DeprecationWarning, stacklevel=3)
+        values.append(old.get(name, value))
+    return values
 
 
 def choice(name: str, value: object, allowed: Iterable[str]) -> str:
@@ -206,8 +235,8 @@ def _of_objects(name, value, array, expected):
 class Refusals:
     """Gathers what several converters refuse, so that all of it is said at once."""
 
-    def __init__(self):
-        self.problems = []
+    def __init__(self) -> None:
+        self.problems: list[str] = []
 
     def take(self, converter: Callable, name: str, value: object, *args, **kwargs):
         """The converted value, or None where it is refused."""

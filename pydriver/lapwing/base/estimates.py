@@ -18,7 +18,6 @@ LOG_ROOM = 2000
 STORED_SAMPLE, STORED_CYCLE = 6 * 8 + 4 + 1, 4 * 8 + 12 * 4
 # Deflate makes no more of it; a figure in its two formats is never smaller.
 PACKED, FIGURE = 1032, 20_000
-FIGURES_OF_RESPONSE, FIGURES_OF_SWEEP = 3, 2
 _NO_LIMIT = 2**60
 
 
@@ -74,16 +73,10 @@ def spell(count: int) -> str:
 
 
 def deck_bytes(deck: object) -> list[tuple[str, int, str]]:
-    """(what it is, bytes at least, keys to lower) of each response and sweep of a deck."""
-    found = [(f"&response {study.name!r}",
-              response_bytes(study.record_cycles, study.samples_per_cycle, study.exponents),
-              "record_cycles or samples_per_cycle") for study in deck.responses]
-    return found + [
-        (f"&sweep {study.name!r}",
-         sweep_bytes(study.values.size * len(study.starts), study.record_cycles,
-                     impacts=study.impacts, exponents=study.exponents),
-         "record_cycles, the number of values or of starts" + ", or impacts" * study.impacts)
-        for study in deck.sweeps]
+    """(what it is, bytes at least, keys to lower) of each study of a deck that takes many."""
+    found = [(f"&{asked.kind} {asked.name!r}", asked.keys.memory(asked))
+             for studies in deck.studies.values() for asked in studies]
+    return [(what, *memory) for what, memory in found if memory]
 
 
 def disk_bytes(deck: object) -> tuple[int, int]:
@@ -92,12 +85,9 @@ def disk_bytes(deck: object) -> tuple[int, int]:
     Tables of samples and cycles are compressed, regular motions to a small part, chaotic ones
     hardly. The log of events comes on top; how long it gets is known by the run alone.
     """
-    tables = sum(study.record_cycles * (study.samples_per_cycle * STORED_SAMPLE + STORED_CYCLE)
-                 for study in deck.responses)
-    tables += sum(study.values.size * len(study.starts) * study.record_cycles * STORED_CYCLE
-                  for study in deck.sweeps)
-    figures = FIGURES_OF_RESPONSE * len(deck.responses) + FIGURES_OF_SWEEP * len(deck.sweeps)
-    return tables // PACKED + FIGURE * figures, tables
+    found = [asked.keys.disk(asked) for studies in deck.studies.values() for asked in studies]
+    tables = sum(size for size, _ in found)
+    return tables // PACKED + FIGURE * sum(figures for _, figures in found), tables
 
 
 def require_disk(deck: object, folder: Path, free: int | None = None):

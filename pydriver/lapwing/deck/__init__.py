@@ -3,7 +3,7 @@
 from importlib import import_module
 
 _HOMES = {
-    "Critical": "deck", "Deck": "deck", "Response": "deck", "Sweep": "deck",
+    "Asked": "deck", "Deck": "deck",
     "DeckError": "problems", "Problem": "problems",
     "changed_keys": "used", "stored_hash": "used", "used_hash": "used", "used_text": "used",
     "load_deck": "load",

@@ -6,116 +6,36 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-import numpy as np
-
 from lapwing.base.messages import printable
 from lapwing.model.gear_pair import GearPair
 
 
 @dataclass(frozen=True)
-class Response:
-    """One trajectory to examine.
+class Asked:
+    """A study as a deck asks for it.
+
+    Its attributes are the keys of its group (`deck.keys`), and before them what follows from the
+    keys and the other groups: `values` as an array, `parameter` as the bare key.
 
     Attributes
     ----------
-    name : str
-    operation : dict, the keyword arguments of `GearPair.oscillator`
-    start : 'rest' or (motion state, φ rad, dφ/dτ rad), as `simulate` takes it
-    settle_cycles, record_cycles, samples_per_cycle : int
-    exponents : bool, whether multipliers and exponents are found
+    kind : str
+    keys : StudyKeys, the keys as the group gives them, defaults filled in
+    operation : dict, the keyword arguments of `GearPair.oscillator` but for a parameter varied
     rtol : float
-    claim_impacts_per_cycle, claim_deepest_separation (rad), claim_text : what somebody else
-        reports, or None
+    resolved : dict of name -> value
     """
 
-    name: str
+    kind: str
+    keys: object
     operation: dict
-    start: str | tuple
-    settle_cycles: int
-    record_cycles: int
-    samples_per_cycle: int
-    exponents: bool
     rtol: float
-    claim_impacts_per_cycle: float | None = None
-    claim_deepest_separation: float | None = None
-    claim_text: str | None = None
+    resolved: dict
 
-
-@dataclass(frozen=True, eq=False)
-class Sweep:
-    """One parameter over a range.
-
-    Attributes
-    ----------
-    name : str
-    parameter : str, the bare key
-    group : 'gear_pair' or 'operation', where the parameter belongs
-    values : array (n,), ascending, without repeats
-    operation : dict, the keyword arguments of `GearPair.oscillator` but for the parameter
-    starts : tuple of 'rest', 'up', 'down'
-    settle_cycles, record_cycles : int
-    impacts : bool, whether every impact is kept
-    order_spectra : bool, whether order spectra are made
-    speed_density : bool, whether impacts are counted by speed
-    amplitudes : bool, whether amplitudes and mesh forces are found
-    exponents : bool, whether multipliers and exponents are found
-    rtol : float
-    """
-
-    name: str
-    parameter: str
-    group: str
-    values: np.ndarray
-    operation: dict
-    starts: tuple
-    settle_cycles: int
-    record_cycles: int
-    impacts: bool
-    order_spectra: bool
-    speed_density: bool
-    amplitudes: bool
-    exponents: bool
-    rtol: float
-
-
-@dataclass(frozen=True, eq=False)
-class Critical:
-    """One critical value of a parameter to find.
-
-    Attributes
-    ----------
-    name : str
-    find : 'full', 'safe', 'back' or 'on'
-    parameter : str, the bare key
-    group : 'gear_pair' or 'operation', where the parameter belongs
-    values : array (n,), ascending, without repeats; None for a closed form
-    safe_end : 'high' or 'low'
-    operation : dict, the keyword arguments of `GearPair.oscillator` but for the parameter
-    own_operation : bool, whether the group sets some of them itself
-    starts : (phases, positions, speeds) of the grid of starts, or None
-    settle_cycles : int
-    record_cycles : int or None
-    resolution : float, of the parameter, or None
-    further_values : int
-    confidence : float
-    rtol : float
-    """
-
-    name: str
-    find: str
-    parameter: str
-    group: str
-    values: np.ndarray | None
-    safe_end: str
-    operation: dict
-    own_operation: bool
-    starts: tuple | None
-    settle_cycles: int
-    record_cycles: int | None
-    resolution: float | None
-    further_values: int
-    confidence: float
-    rtol: float
+    def __getattr__(self, name):
+        if name.startswith("__") or name in ("resolved", "keys"):
+            raise AttributeError(name)
+        return self.resolved[name] if name in self.resolved else getattr(self.keys, name)
 
 
 @dataclass(eq=False)
@@ -135,9 +55,7 @@ class Deck:
     operation : dict, the keyword arguments of `GearPair.oscillator` (scene and te_sign included)
         that &operation gives; may lack brake_torque where every study sets its own
     numerics : dict, the keys of &numerics; rtol is None where each study takes its default
-    responses : tuple of Response
-    sweeps : tuple of Sweep
-    criticals : tuple of Critical
+    studies : dict of kind -> tuple of Asked, in deck order
     """
 
     path: Path
@@ -149,9 +67,22 @@ class Deck:
     gear_pair: GearPair
     operation: dict
     numerics: dict
-    responses: tuple = field(default=())
-    sweeps: tuple = field(default=())
-    criticals: tuple = field(default=())
+    studies: dict = field(default_factory=dict)
+
+    @property
+    def responses(self):
+        """Trajectories to examine closely."""
+        return self.studies.get("response", ())
+
+    @property
+    def sweeps(self):
+        """Parameters to run over a range."""
+        return self.studies.get("sweep", ())
+
+    @property
+    def criticals(self):
+        """Critical values to find."""
+        return self.studies.get("critical", ())
 
     @property
     def stem(self):

@@ -15,7 +15,7 @@ _HEAD = """\
 # Of the keys that exclude each other, the ones the template uses; and what makes it a useful deck.
 _CHOSEN = {"gear_pair": {"restitution", "damping_ratio"},
            "transmission_error": {"parabola_amplitude"},
-           "operation": {"brake_torque", "pinion_speed_rpm"}, "sweep": {"from", "to", "count"}}
+           "operation": {"brake_torque", "pinion_speed_rpm"}}
 _EXAMPLES = {"count": [70]}
 _COLUMN, _WIDTH = 36, 60
 
@@ -31,18 +31,23 @@ def template_text():
             if set(names) <= own.keys():
                 parts.append(f"  ! One of {', '.join(names)}:\n")
         parts += [_entry(group, name, field) for name, field in own.items()]
-        if group in ("response", "critical"):
+        if group != "operation" and set(schema.OPERATION) <= schema.fields(model).keys():
             parts.append("  ! Any key of &operation may stand here as well and counts for this "
                          "group only.\n")
         parts.append("/\n")
     return "".join(parts)
 
 
+def _chosen(group):
+    model = schema.GROUPS[group]
+    return model.chosen if group in schema.STUDIES else _CHOSEN.get(group, ())
+
+
 def _entry(group, name, field):
     kind = schema.KeyType(field)
     example = _EXAMPLES.get(name, (field.json_schema_extra or {}).get("example"))
     value = example if field.is_required() or field.default is None else field.default
-    chosen = field.is_required() or name in _CHOSEN.get(group, ())
+    chosen = field.is_required() or name in _chosen(group)
     line = f"  {'' if chosen else '! '}{name} = {spell(value, kind)}"
     words = field.description + (f" [{kind.unit}]" if kind.unit else "")
     comments = textwrap.wrap(words, _WIDTH)

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from lapwing.base.messages import cut, printable
 from lapwing.deck import schema
-from lapwing.deck.checks.critical import canonical_values, used_values
 
 _HASH = re.compile(r"^! hash ([0-9a-f]{64})$", re.MULTILINE)
 
@@ -87,15 +86,9 @@ def canonical(deck):
             values = {"table": deck.te_table.digest, "te_sign": values["te_sign"],
                       **{key: value for key, value in deck.te_table.fit.items()
                          if value is not None}, **_smoothing(deck)}
-        elif group == "sweep":
-            study = next(s for s in deck.sweeps if s.name == keys.name)
-            values = {k: v for k, v in values.items() if k not in ("from", "to", "count",
-                                                                   "spacing")}
-            values |= {"values": study.values.tolist(), "starts": list(study.starts),
-                       "parameter": study.parameter}
-        elif group == "critical":
-            study = next(s for s in deck.criticals if s.name == keys.name)
-            values = canonical_values(values, study)
+        elif group in schema.STUDIES:
+            asked = next(one for one in deck.studies[group] if one.name == keys.name)
+            values = keys.canonical(values, asked)
         name = f"{group}.{keys.name}" if group in schema.STUDIES else group
         result[name] = values
     return dict(sorted(result.items()))
@@ -111,23 +104,16 @@ def _groups(deck):
     """(group, keys as given, value of each key as used) in the order of the schema."""
     for group in schema.GROUPS:
         given = deck.settings[group]
-        built = {"response": deck.responses, "sweep": deck.sweeps,
-                 "critical": deck.criticals}.get(group, [None])
+        built = deck.studies[group] if group in schema.STUDIES else [None]
         for keys, study in zip(given if group in schema.STUDIES else [given], built, strict=True):
             yield group, keys, _used(deck, group, keys, study)
 
 
 def _used(deck, group, keys, study):
     """Key -> value as used, None where a key has none."""
-    if group == "critical":
-        return used_values(keys, study)
-    values = keys.model_dump(by_alias=True)
     if group in schema.STUDIES:
-        values["rtol"] = study.rtol
-    if group == "response" and keys.start != "rest":
-        values["start_phi_dot"] = study.start[2]
-    if group == "sweep" and keys.values is not None:
-        values["spacing"] = None
+        return keys.used(study)
+    values = keys.model_dump(by_alias=True)
     if group == "transmission_error" and keys.harmonic_amplitude is not None:
         values |= {"harmonic_shift": deck.te_table.keys["harmonic_shift"],
                    "harmonic_order": [int(n) for n in deck.te_table.keys["harmonic_order"]]}

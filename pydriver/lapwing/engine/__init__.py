@@ -12,7 +12,7 @@ from lapwing.engine.calls import (
     position,
     sweep,
 )
-from lapwing.engine.numerics import METHODS, Numerics, Wanted
+from lapwing.engine.numerics import METHODS, Numerics, Wanted, chosen
 from lapwing.engine.records import (
     columns,
     impacts_of,
@@ -24,5 +24,6 @@ from lapwing.engine.records import (
 )
 
 __all__ = ["CALL_SECONDS", "GO_ON", "METHODS", "REST", "Numerics", "SweepResult", "TrajectoryCall",
-           "Wanted", "columns", "common_method", "flank_motion", "impacts_of", "method_of", "named",
-           "numbers", "of_kind", "position", "sweep", "unknown", "work_counts"]
+           "Wanted", "chosen", "columns", "common_method", "flank_motion", "impacts_of",
+           "method_of", "named", "numbers", "of_kind", "position", "sweep", "unknown",
+           "work_counts"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from lapwing.base import arguments
 from lapwing.base.arguments import Refusals
@@ -40,7 +41,7 @@ class Numerics:
     max_steps_per_cycle: int = 10_000_000
     copy_repeats: bool = True
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         taken = Refusals()
         checked = {
             "method": taken.take(arguments.choice, "method", self.method, METHODS),
@@ -72,4 +73,27 @@ class Wanted:
     cycles: bool = False
     tangent: bool = False
     graze_distance: float = 0.0
-    speed_edges: tuple = ()
+    speed_edges: tuple[float, ...] = ()
+
+
+def chosen(numerics: Numerics | None, **settings: tuple[Any, Any]) -> Numerics:
+    """`Numerics` from one of a function's two ways of saying them.
+
+    Parameters
+    ----------
+    numerics : Numerics or None
+    **settings : name -> (value given, default)
+
+    Raises
+    ------
+    TypeError, ValueError
+        where it is no `Numerics`, or a setting is given beside it.
+    """
+    if numerics is None:
+        return Numerics(**{name: value for name, (value, _) in settings.items()})
+    arguments.instance("numerics", numerics, Numerics)
+    for name, (value, default) in settings.items():
+        if value is not default and value != default:
+            raise ValueError(f"numerics and {name} are both given, expected one of them: "
+                             f"Numerics({name}=...)")
+    return numerics

@@ -6,7 +6,11 @@ A table comes out as a structured array, one entry a line: `cycles["phi"]` is a 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.codes import EventKind
 
@@ -40,7 +44,7 @@ OUTCOME_TABLE = np.dtype([(name, float) for name in ("status", "logged", *SAMPLE
                          + [("work", float, (len(WORK_NAMES),))])
 
 
-def tangent_table(states=2):
+def tangent_table(states: int = 2) -> np.dtype[Any]:
     """Table of tangent maps of a system with so many states."""
     return np.dtype([("matrix", float, (states, states)), *((name, float) for name in TANGENT)])
 
@@ -48,14 +52,15 @@ def tangent_table(states=2):
 TANGENT_TABLE = tangent_table()
 
 
-def with_means(rows, table):
+def with_means(rows: NDArray[Any],
+               table: np.dtype[Any]) -> tuple[NDArray[Any], NDArray[Any] | None]:
     """The engine's rows by name, and what two degrees of freedom add behind them, or None."""
     own = table.itemsize // 8
     return named(rows[..., :own], table), \
         named(rows[..., own:], MEAN_TABLE) if rows.shape[-1] > own else None
 
 
-def named(rows, table):
+def named(rows: NDArray[Any], table: np.dtype[Any]) -> NDArray[Any]:
     """The engine's rows by name.
 
     Parameters
@@ -70,31 +75,31 @@ def named(rows, table):
     return np.ascontiguousarray(rows).view(table)[..., 0]
 
 
-def numbers(table):
+def numbers(table: NDArray[Any]) -> NDArray[np.float64]:
     """The other way: array (..., columns) of a structured array."""
     return np.ascontiguousarray(table).view(float).reshape(*table.shape, -1)
 
 
-def unknown(table, *shape):
+def unknown(table: np.dtype[Any], *shape: int) -> NDArray[Any]:
     """A table of NaN, for what was not recorded."""
     return named(np.full((*shape, table.itemsize // 8), np.nan), table)
 
 
-def columns(table, names):
+def columns(table: NDArray[Any], names: Iterable[str]) -> NDArray[np.float64]:
     """Some columns side by side, array (..., names)."""
     return np.stack([table[name] for name in names], axis=-1)
 
 
-def of_kind(events, kinds):
+def of_kind(events: NDArray[Any], kinds: Iterable[int]) -> NDArray[Any]:
     """Those of the events that are of some kinds."""
     return events[np.isin(events["kind"], list(kinds))]
 
 
-def impacts_of(events):
+def impacts_of(events: NDArray[Any]) -> NDArray[Any]:
     """The impacts among events, at either flank."""
     return of_kind(events, (EventKind.IMPACT, EventKind.BACK_IMPACT))
 
 
-def work_counts(array):
+def work_counts(array: NDArray[Any]) -> dict[str, int]:
     """Named counts of what the engine did, as a dict of int."""
     return {name: int(count) for name, count in zip(WORK_NAMES, array, strict=True)}

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 from lapwing.base import arguments
 from lapwing.base.arguments import LEAST, MOST, Refusals
 from lapwing.model.oscillator import (
+    Load,
     MeanRotation,
     Oscillator,
     ParameterError,
@@ -182,7 +183,8 @@ class GearPair:
                 back_flank_te=back_flank_te, te_sign=te_sign,
                 mean_rotation=self.mean_rotation(ratio, brake_torque, drive_torque)
                 if degrees_of_freedom == 2 and not problems else None,
-                scales=Scales(self.natural_frequency, self.force_per_torque))
+                scales=Scales(self.natural_frequency, self.force_per_torque),
+                load=None if problems else Load(force, float(brake_torque), drive_torque))
         except ParameterError as error:
             problems += error.problems
         if problems:

@@ -44,6 +44,22 @@ class Scales:
 
 
 @dataclass(frozen=True)
+class Load:
+    """The torques an oscillator was made from.
+
+    Parameters
+    ----------
+    force : float, rad; the force F they give
+    brake_torque : float, N·m; on the gear
+    drive_torque : float or None, N·m; on the pinion; None: the balance
+    """
+
+    force: float
+    brake_torque: float
+    drive_torque: float | None = None
+
+
+@dataclass(frozen=True)
 class MeanRotation:
     """What a second degree of freedom adds: both wheels' mean rotation (docs/model.md, section 11).
 
@@ -96,6 +112,7 @@ class Oscillator:
     te_sign : 'printed' (g = +i12·Δφ) or 'geometric' (g = -i12·Δφ)
     scales : Scales or None
     mean_rotation : MeanRotation or None; with it there are two degrees of freedom (no 'rigid' law)
+    load : Load or None, the torques behind `force`; of another force they say nothing
 
     Raises
     ------
@@ -117,6 +134,7 @@ class Oscillator:
     te_sign: str = "printed"
     scales: Scales | None = None
     mean_rotation: MeanRotation | None = None
+    load: Load | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self):
         problems = number_problems(
@@ -146,6 +164,8 @@ class Oscillator:
             if self.contact_law == "rigid":
                 taken.problems.append("degrees_of_freedom = 2 goes with contact_law 'restitution' "
                                       "or 'compliant', not 'rigid'")
+        if self.load is not None:
+            taken.take(arguments.instance, "load", self.load, Load)
         # A NumPy bool becomes one of Python.
         object.__setattr__(self, "back_flank_te",
                            taken.take(arguments.flag, "back_flank_te", self.back_flank_te))
@@ -161,6 +181,16 @@ class Oscillator:
             return []
         return [f"back_flank_te is off and the drive flank reaches {self.flank_extrema[0]:.6g} rad"
                 f", at or beyond the standing coast flank at {-self.gap_width:.6g} rad"]
+
+    @property
+    def brake_torque(self):
+        """Brake torque on the gear, N·m: as given, or for `force` at the balance.
+
+        None where neither is known: the oscillator was made without a gear pair.
+        """
+        if self.load is not None and self.load.force == self.force:
+            return self.load.brake_torque
+        return None if self.scales is None else self.force / self.scales.force_per_torque
 
     @property
     def degrees_of_freedom(self):

@@ -10,12 +10,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from numbers import Real
 
 import numpy as np
 from numpy.polynomial import polynomial as power
 
 from lapwing.base import arguments
 from lapwing.base.arguments import LEAST, MOST
+from lapwing.model import table_algebra
 from lapwing.model.harmonic_series import FINE_TOLERANCE, harmonic_derivative, harmonic_table
 from lapwing.model.transmission_error_file import TransmissionErrorFileError, read_columns
 
@@ -189,6 +191,48 @@ class TransmissionError:
     def peak_to_peak(self):
         """Greatest minus least value, rad."""
         return self.extrema[1] - self.extrema[0]
+
+    def __mul__(self, factor):
+        """Every value times a number."""
+        if not isinstance(factor, Real) or isinstance(factor, bool | np.bool_):
+            return NotImplemented
+        return self._of(table_algebra.multiple(self._parts, arguments.real("factor", factor)))
+
+    __rmul__ = __mul__
+
+    def __neg__(self):
+        return -1.0 * self
+
+    def __add__(self, other):
+        """The sum of two transmission errors: a profile deviation on top of a misalignment."""
+        if not isinstance(other, TransmissionError):
+            return NotImplemented
+        return self._of(table_algebra.total(self._parts, other._parts))
+
+    def shifted(self, phase):
+        """The same transmission error so much later in the mesh cycle.
+
+        Parameters
+        ----------
+        phase : float, mesh periods; `te.shifted(0.25).value(p)` is `te.value(p - 0.25)`
+
+        Returns
+        -------
+        TransmissionError
+
+        Raises
+        ------
+        TypeError, ValueError
+            for a phase that is no finite number.
+        """
+        return self._of(table_algebra.shifted(self._parts, arguments.real("phase", phase)))
+
+    @property
+    def _parts(self):
+        return table_algebra.Parts(self.knots, self.coefficients, self.kinks, self.harmonics)
+
+    def _of(self, parts):
+        return type(self)(*parts, self.te_sign_hint)
 
     @classmethod
     def from_hermite(cls, phase, value, slope_left, slope_right=None):

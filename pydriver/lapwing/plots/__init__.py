@@ -9,25 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lapwing.base.arrivals import arrivals_in
 from lapwing.base.exit_codes import is_of_surroundings
-from lapwing.results.findings import known
+from lapwing.base.registry import STUDIES, carried_out
 
 FORMATS = ("png", "pdf")
-# Modules of this package with a `draw` each, by what they are drawn from.
-SWEEP_FIGURES = ("orbit_diagram", "deepest_separation", "staircase", "amplitudes", "exponents",
-                 "impact_speed_density", "waterfall")
-# Variables without which a figure of a sweep has nothing to show.
-NEEDED = {"staircase": "motion_class", "amplitudes": "dynamic_te_rms",
-          "exponents": "lyapunov_exponent", "impact_speed_density": "impact_speed_density",
-          "waterfall": "order_spectrum"}
-CRITICAL_FIGURE = "critical_search"
-RESPONSE_FIGURES = ("history", "phase_portrait", "impact_section", "spectrum")
-# ... and of one with two degrees of freedom.
-SHAFT_FIGURE = "shaft_motion"
+# Modules with a `draw` each, by the kind of study they show.
+FIGURES = {kind: study.figures for kind, study in STUDIES.items()}
 TE_FIGURE = "te_curve"
-# Of measured samples: a critical torque against the order of the fit, and the fit itself.
-ORDERS_FIGURE, FIT_FIGURE = "fit_orders", "te_fit"
+FIT_FIGURE = "te_fit"  # of measured samples
 
 
 class FigureError(Exception):
@@ -60,7 +49,7 @@ class Task(NamedTuple):
     ----------
     stem : str, of its files
     module : str, of this package, with the `draw` that makes it
-    kind : str, attribute of the results that holds its data
+    kind : str, of the study that holds its data, or 'transmission_error'
     name : str or None, of the response, critical value or sweep
     """
 
@@ -77,33 +66,23 @@ def tasks_of(results):
     -------
     list of Task
     """
-    return [*(Task(f"{module}_{name}", module, "sweep", name)
-              for name in results.sweeps for module in SWEEP_FIGURES
-              if _has(results.sweep(name), module)),
-            *(Task(f"{CRITICAL_FIGURE}_{name}", CRITICAL_FIGURE, "critical", name)
-              for name in results.criticals
-              if "trial" in results.critical(name).dims),  # a closed form has nothing to show
-            *(Task(f"{ORDERS_FIGURE}_{name}", ORDERS_FIGURE, "critical", name)
-              for name in results.criticals if "fit_order" in results.critical(name).dims),
-            *(Task(f"{module}_{name}", module, "response", name)
-              for name in results.responses for module in RESPONSE_FIGURES),
-            *(Task(f"{SHAFT_FIGURE}_{name}", SHAFT_FIGURE, "response", name)
-              for name in results.responses if "pinion_speed" in results.response(name)),
+    return [*(Task(f"{module.rpartition('.')[2]}_{name}", module, kind, name)
+              for kind in _reading_order()
+              for name in results.studies[kind] for module in FIGURES[kind]
+              if shows(module, results.study(kind, name))),
             *[Task(FIT_FIGURE, FIT_FIGURE, "transmission_error")]
             * ("sample_residual" in results.transmission_error),
             Task(TE_FIGURE, TE_FIGURE, "transmission_error")]
 
 
-def _has(sweep, module):
-    """Whether a sweep holds what a figure shows.
+def _reading_order():
+    """Kinds of study, what is carried out last first: it gives the widest view."""
+    return [study.kind for study in reversed(carried_out())]
 
-    No figure without a result to draw; and without restitution there are no impacts.
-    """
-    if not known(sweep).any():
-        return False
-    if module == "impact_speed_density" and not arrivals_in(sweep.attrs).threshold:
-        return False
-    return NEEDED.get(module, "status") in sweep
+
+def shows(module, dataset):
+    """Whether a dataset holds what a figure shows."""
+    return getattr(figure_module(module), "shows", lambda _: True)(dataset)
 
 
 def draw_all(results, folder, *, formats=FORMATS, progress=None, crew=None):
@@ -111,9 +90,8 @@ def draw_all(results, folder, *, formats=FORMATS, progress=None, crew=None):
 
     Parameters
     ----------
-    results : lapwing.results.Results, or an object with its `attrs`, `gear_pair`, `responses`,
-        `sweeps`, `criticals`, `response(name)`, `sweep(name)`, `critical(name)` and
-        `transmission_error`
+    results : lapwing.results.Results, or an object with its `attrs`, `gear_pair`, `studies`,
+        `study(kind, name)` and `transmission_error`
     folder : str or Path, made if it is missing
     formats : of 'png' and 'pdf'
     progress : callable(fraction done) or None
@@ -152,10 +130,10 @@ def draw_all(results, folder, *, formats=FORMATS, progress=None, crew=None):
 def attempt(results, task, folder, formats):
     """Draw one figure into its files, all or none; returns the `Problem`, or None."""
     try:
-        data = getattr(results, task.kind)
-        figure = figure_module(task.module).draw(
-            data if task.name is None else data(task.name), results.gear_pair,
-            **_options(results, task))
+        data = results.transmission_error if task.name is None \
+            else results.study(task.kind, task.name)
+        figure = figure_module(task.module).draw(data, results.gear_pair,
+                                                 **_options(results, task))
         _save(figure, [folder / f"{task.stem}.{suffix}" for suffix in formats])
     except Exception as error:
         return Problem(f"{type(error).__name__}: {error}", is_of_surroundings(error))
@@ -163,15 +141,10 @@ def attempt(results, task, folder, formats):
 
 
 def figure_module(figure):
-    """Module with the `draw` of a figure: of a sweep and of a response in rooms of their own.
-
-    Parameters
-    ----------
-    figure : str, such as 'orbit_diagram'
-    """
-    rooms = {"sweep.": SWEEP_FIGURES, "response.": (*RESPONSE_FIGURES, SHAFT_FIGURE)}
-    room = next((room for room, figures in rooms.items() if figure in figures), "")
-    return import_module(f"lapwing.plots.{room}{figure}")
+    """Module with the `draw` of a figure, named as in `FIGURES` or by its last part."""
+    known = (name for study in STUDIES.values() for name in study.figures)
+    full = next((name for name in known if name.rpartition(".")[2] == figure), figure)
+    return import_module(f"lapwing.plots.{full}")
 
 
 def _save(figure, paths):
@@ -195,7 +168,7 @@ def _options(results, task):
         return {"title": f"{deck}, sweep '{task.name}': {task.module.replace('_', ' ')}",
                 "claims": _claims(results, task.name),
                 "marks": _marks(results, parameter_of(results.sweep(task.name)))}
-    if task.module == CRITICAL_FIGURE:
+    if task.kind == "critical":
         parameter = results.critical(task.name).attrs["parameter"]
         return {"marks": _marks(results, parameter, besides=task.name)}
     return {}

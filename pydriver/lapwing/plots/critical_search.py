@@ -7,7 +7,7 @@ import numpy as np
 from lapwing.base.codes import SearchStage
 from lapwing.plots import style
 from lapwing.plots.critical_marks import draw_marks, label_of
-from lapwing.plots.sweep.parts import AXIS_LABELS
+from lapwing.plots.sweep.parts import axis_label
 from lapwing.results.findings import search_bounded
 
 LOOKS = {
@@ -24,6 +24,11 @@ CLOSE_UP = 6
 
 
 @style.house_style()
+def shows(critical):
+    """Whether there were trials: a closed form has nothing to show."""
+    return "trial" in critical.dims
+
+
 def draw(critical, gear_pair=None, *, title=None, marks=()):
     """Draw one search.
 
@@ -47,7 +52,7 @@ def draw(critical, gear_pair=None, *, title=None, marks=()):
     for axis in axes:
         draws(axis, critical)
         parameter = str(critical.attrs["parameter"])
-        axis.set_xlabel(AXIS_LABELS.get(parameter, parameter.replace("_", " ")))
+        axis.set_xlabel(axis_label(parameter))
     draw_marks(axes[:1], axes[0], marks, np.sort(critical["trial_value"].values),
                heights=(0.85, 0.3))
     if close_up:

@@ -11,6 +11,11 @@ from lapwing.plots.critical_marks import SYMBOLS
 HEADROOM = 4.0
 
 
+def shows(critical):
+    """Whether the orders of a fit to measured samples were tried."""
+    return "fit_order" in critical.dims
+
+
 @style.house_style()
 def draw(critical, gear_pair=None, *, title=None, marks=()):
     """Draw T_full, and how well samples and curve go together, against the highest order.

@@ -8,7 +8,7 @@ import numpy as np
 
 from lapwing.base.codes import SearchStage
 from lapwing.report.measured import critical_words, has_interval, value_and_interval
-from lapwing.report.words import UNITS, markdown, parameter_words, plural
+from lapwing.report.words import markdown, parameter_unit, parameter_words, plural
 from lapwing.results.findings import search_bounded, search_known, words_beyond
 
 SYMBOLS = {"full": "T_full", "safe": "T_safe", "back": "T_back", "on": "T_on"}
@@ -26,6 +26,17 @@ def critical_table(criticals):
     rows += [(one.attrs["name"], _meaning(one), parameter_words(one.attrs["parameter"])
               + f" ({_unit(one)})" * bool(_unit(one)), *_cells(one)) for one in criticals]
     return markdown(rows)
+
+
+def table(criticals):
+    """The summary's table of critical values; see `registry`."""
+    return ["", "## Critical values", "", *critical_table(criticals)]
+
+
+def section(criticals, results):
+    """What the summary says of the searches; see `registry`."""
+    sweeps = [results.sweep(name) for name in results.sweeps]
+    return ["", "## The searches for critical values", "", *critical_text(criticals, sweeps)]
 
 
 def critical_text(criticals, sweeps=()):
@@ -118,7 +129,7 @@ def _tried(critical):
 
 
 def _unit(critical):
-    return UNITS.get(critical.attrs["parameter"], "")
+    return parameter_unit(critical.attrs["parameter"])
 
 
 def _name(critical):

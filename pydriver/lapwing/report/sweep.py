@@ -10,11 +10,27 @@ from lapwing.report.amplitudes import amplitude_lines
 from lapwing.report.hysteresis import hysteresis
 from lapwing.report.measured import torque_words
 from lapwing.report.stability import sweep_stability
-from lapwing.report.words import UNITS, markdown, method_words, parameter_words, plural
+from lapwing.report.words import markdown, method_words, parameter_unit, parameter_words, plural
 from lapwing.results.findings import START_NAMES, known, names, rattles, span, words_beyond
 
 # A sweep is told in about so many lines, spread over its range.
 TABLE_LINES = 12
+
+
+def section(sweeps, results):
+    """The summary's part on sweeps; see `registry`."""
+    return [line for one in sweeps
+            for line in ("", f"## Sweep {one.attrs['name']}", "", *sweep_text(one))]
+
+
+def headline(sweep):
+    """Points that have a result, and why others have none."""
+    status = sweep["status"].values
+    done, open_ = (int((status == one).sum()) for one in (Status.OK, Status.UNFINISHED))
+    failed = status.size - done - open_
+    along = parameter_words(sweep["status"].dims[1])
+    return (f"{done} of {status.size} points have a result, along the {along}"
+            + f"; {open_} not reached" * bool(open_) + f"; {failed} failed" * bool(failed))
 
 
 def sweep_text(sweep):
@@ -28,7 +44,7 @@ def sweep_text(sweep):
     -------
     list of str, lines of Markdown
     """
-    unit = UNITS.get(sweep.attrs["parameter"], "")
+    unit = parameter_unit(sweep.attrs["parameter"])
     lines = [_extent(sweep, unit)]
     if "deepest_separation" not in sweep:
         return lines

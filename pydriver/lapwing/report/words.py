@@ -1,18 +1,16 @@
 """What the parts of a summary share: units, tables, plurals."""
 
-UNITS = {"brake_torque": "N·m", "drive_torque": "N·m", "pinion_speed_rpm": "rpm",
-         "pinion_speed_rad_s": "rad/s", "mesh_frequency_hz": "Hz", "mesh_stiffness": "N/m",
-         "backlash": "rad", "pinion_base_lever": "m", "mesh_damping": "N·s/m",
-         "pinion_inertia": "kg·m²", "gear_inertia": "kg·m²"}
+from lapwing.base.quantities import parameter
 
 
-NAMES = {"pinion_speed_rpm": "pinion speed", "pinion_speed_rad_s": "pinion speed",
-         "mesh_frequency_hz": "mesh frequency"}
+def parameter_unit(name):
+    """Unit of a parameter as a person reads it; empty for a bare number."""
+    return parameter(name).shown
 
 
-def parameter_words(parameter):
+def parameter_words(name):
     """A parameter in words, without its unit."""
-    return NAMES.get(parameter, parameter.replace("_", " "))
+    return parameter(name).words
 
 
 def markdown(rows):

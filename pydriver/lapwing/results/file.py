@@ -14,7 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
+from lapwing.base.registry import STUDIES
 from lapwing.base.signals import held
+from lapwing.model.oscillator import TE_SIGNS
 from lapwing.results.checksums import DamagedFile, store_checksums, verify_file
 from lapwing.results.store import Manifest, flush, os_errors, sha256_of
 from lapwing.results.variables import FAILED, described
@@ -26,12 +28,10 @@ SCHEMA_VERSION = 1
 COMPRESS_ABOVE = 1000
 DERIVED = ("gear_ratio", "equivalent_inertia", "natural_frequency", "torsional_stiffness",
            "force_per_torque")
-KINDS = ("response", "critical", "sweep")
 
 
-def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te, osc, responses,
-                  sweeps, criticals=None, te_source=None, measured=({}, {}), interrupted=False,
-                  studies=()):
+def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te, te_sign, found,
+                  te_source=None, measured=({}, {}), interrupted=False, studies=()):
     """Write the result file under a temporary name, flush it to the disk, and rename it.
 
     A reader sees the old file or the new one, never a part.  The same arguments give the same
@@ -45,10 +45,8 @@ def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te,
     used_text, used_hash : str, the deck with every value really used, and its hash
     pair : GearPair
     te : TransmissionError
-    osc : Oscillator, at the deck's operating point; says how the table becomes the flank's motion
-    responses : sequence of Dataset, from `lapwing.studies.response.run.response`, in deck order
-    sweeps : dict of name -> Dataset, from `lapwing.sweep`, in deck order
-    criticals : dict of name -> Dataset, from `lapwing.critical_full` and the like, or None
+    te_sign : 'printed' or 'geometric', how the table becomes the flank's motion
+    found : dict of kind -> dict of name -> Dataset in deck order, for kinds of `registry.STUDIES`
     te_source : str or None, the table's file name or formula; default: what the table tells
     measured : variables and attributes of measured samples, from `curve.curve_variables`
     interrupted : bool, whether studies of the deck are missing or unfinished
@@ -60,15 +58,10 @@ def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te,
 
     Raises
     ------
-    ValueError
-        two responses of one name.
     OSError
         where the file cannot be written; nothing is left behind.
     """
     path = Path(path)
-    names = [response.attrs["name"] for response in responses]
-    if len(set(names)) != len(names):
-        raise ValueError(f"two responses of one name: {', '.join(names)}")
     root = {"Conventions": CONVENTIONS, "schema_version": SCHEMA_VERSION,
             "title": f"Lapwing results of {deck_name}",
             "history": f"computed by Lapwing from deck {deck_name}",
@@ -76,14 +69,13 @@ def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te,
             "used_deck": used_text, "used_hash": used_hash, "interrupted": int(interrupted),
             "studies": "\n".join(f"{kind} {name}" for kind, name in studies)}
     groups = {None: _dataset({}, root), "gear_pair": _dataset({}, _pair_attributes(pair)),
-              "transmission_error": _transmission_error(te, osc, te_source or _te_source(te),
-                                                        measured)}
-    for order, response in enumerate(responses):
-        groups[f"response_{response.attrs['name']}"] = response.assign_attrs(order=order)
-    for order, (name, sweep) in enumerate(sweeps.items()):
-        groups[f"sweep_{name}"] = _labelled(sweep, name, order, responses)
-    for order, (name, critical) in enumerate((criticals or {}).items()):
-        groups[f"critical_{name}"] = critical.assign_attrs(name=name, order=order)
+              "transmission_error": _transmission_error(te, te_sign, pair.gear_ratio,
+                                                        te_source or _te_source(te), measured)}
+    claims = _claims(found.get("response", {}).values())
+    for kind in STUDIES:
+        for order, (name, dataset) in enumerate(found.get(kind, {}).items()):
+            dataset = dataset.assign_attrs(name=name, order=order)
+            groups[f"{kind}_{name}"] = _claimed(dataset, claims) if kind == "sweep" else dataset
     aside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     with held(), os_errors(path.parent):
         try:
@@ -128,9 +120,9 @@ def _pair_attributes(pair):
     return {**given, **{name: getattr(pair, name) for name in DERIVED}, "damping_ratio": pair.xi}
 
 
-def _transmission_error(te, osc, source, measured):
+def _transmission_error(te, te_sign, gear_ratio, source, measured):
     variables, known = measured
-    attributes = {"te_sign": osc.te_sign, "flank_scale": osc.flank_scale,
+    attributes = {"te_sign": te_sign, "flank_scale": TE_SIGNS[te_sign] * gear_ratio,
                   "peak_to_peak": te.peak_to_peak, "source": source, **known}
     return _dataset({**variables, "knots": ("knot", te.knots),
                      "coefficients": (("piece", "power"), te.coefficients),
@@ -147,18 +139,21 @@ def _te_source(te):
             f"kink{'s' * (kinks != 1)}")
 
 
-def _labelled(sweep, name, order, responses):
-    """A sweep with its name and the deck's claims."""
+def _claims(responses):
+    """Attributes of the responses for which the deck says what somebody else reports."""
+    return [one.attrs for one in responses if any(key.startswith("claim_") for key in one.attrs)]
+
+
+def _claimed(sweep, claims):
+    """A sweep with the claims at values of its parameter."""
     parameter = sweep["status"].dims[1]
-    labels = {"name": name, "order": order, "parameter": parameter}
-    claims = [(attrs[parameter], attrs.get("claim_deepest_separation", np.nan),
-               attrs.get("claim_text", "")) for attrs in (one.attrs for one in responses)
-              if parameter in attrs and any(key.startswith("claim_") for key in attrs)]
-    columns = zip(*claims, strict=True) if claims else ((), (), ())
+    rows = [(attrs[parameter], attrs.get("claim_deepest_separation", np.nan),
+             attrs.get("claim_text", "")) for attrs in claims if parameter in attrs]
+    columns = zip(*rows, strict=True) if rows else ((), (), ())
     variables = {key: ("claim", np.array(column, dtype=kind)) for key, column, kind in zip(
         ("claim_value", "claim_deepest_separation", "claim_text"), columns,
         (float, float, object), strict=True)}
-    return sweep.assign(variables).assign_attrs(labels)
+    return sweep.assign(variables).assign_attrs(parameter=parameter)
 
 
 def provenance():
@@ -203,7 +198,7 @@ class Results:
     path : Path
     attrs : dict, the root's attributes: deck and provenance
     gear_pair : dict
-    responses, sweeps, criticals : tuple of str, names in deck order
+    studies : dict of kind -> tuple of str, names in deck order
     verified : bool, whether the content is known to be what was written; False for files of
         version 0.1, which carry no checksums
 
@@ -213,11 +208,24 @@ class Results:
     path: Path
     attrs: dict
     gear_pair: dict
-    responses: tuple
-    sweeps: tuple
-    criticals: tuple = ()
+    studies: dict
     verified: bool = False
     _open: dict = field(default_factory=dict, repr=False)
+
+    @property
+    def responses(self):
+        """Names of the responses."""
+        return self.studies.get("response", ())
+
+    @property
+    def sweeps(self):
+        """Names of the sweeps."""
+        return self.studies.get("sweep", ())
+
+    @property
+    def criticals(self):
+        """Names of the searches for a critical value."""
+        return self.studies.get("critical", ())
 
     @property
     def transmission_error(self):
@@ -234,20 +242,23 @@ class Results:
         """(kind, name) of the studies that the deck asked for and that have no result."""
         asked = [tuple(line.split(" ", 1))
                  for line in str(self.attrs.get("studies", "")).splitlines()]
-        there = dict(zip(KINDS, (self.responses, self.criticals, self.sweeps), strict=True))
-        return tuple((kind, name) for kind, name in asked if name not in there[kind])
+        return tuple((kind, name) for kind, name in asked if name not in self.studies[kind])
+
+    def study(self, kind, name):
+        """Dataset of one study, read on demand."""
+        return self._group(f"{kind}_{name}")
 
     def response(self, name):
         """Dataset of one response, read on demand."""
-        return self._group(f"response_{name}")
+        return self.study("response", name)
 
     def sweep(self, name):
         """Dataset of one sweep, read on demand."""
-        return self._group(f"sweep_{name}")
+        return self.study("sweep", name)
 
     def critical(self, name):
         """Dataset of one search for a critical value, read on demand."""
-        return self._group(f"critical_{name}")
+        return self.study("critical", name)
 
     def _group(self, group):
         import xarray as xr
@@ -325,14 +336,14 @@ def read_results(path, check=True):
         if "lapwing_version" not in file.ncattrs() or "gear_pair" not in file.groups:
             raise ValueError(f"{path} is no result file of Lapwing")
         names = {}
-        for kind in KINDS:
+        for kind in STUDIES:
             groups = [group for name, group in file.groups.items() if name.startswith(kind + "_")]
             groups.sort(key=lambda group: int(group.order))
             names[kind] = tuple(str(group.getncattr("name")) for group in groups)
         pair = file["gear_pair"]
         return Results(Path(path), {key: file.getncattr(key) for key in file.ncattrs()},
                        {key: pair.getncattr(key) for key in pair.ncattrs()},
-                       names["response"], names["sweep"], names["critical"], verified)
+                       names, verified)
 
 
 def stored_studies(results):
@@ -348,8 +359,7 @@ def stored_studies(results):
     import xarray as xr
 
     studies = {}
-    for kind, names in zip(KINDS, (results.responses, results.criticals, results.sweeps),
-                           strict=True):
+    for kind, names in results.studies.items():
         for name in names:
             with xr.open_dataset(results.path, group=f"{kind}_{name}", engine="netcdf4",
                                  decode_cf=False, mask_and_scale=False) as data:
@@ -362,5 +372,7 @@ def stored_studies(results):
     return studies
 
 
-__all__ = ["DamagedFile", "Results", "engine_digest", "provenance", "read_results",
-           "stored_studies", "verify", "write_results"]
+open_results = read_results
+
+__all__ = ["DamagedFile", "Results", "engine_digest", "open_results", "provenance",
+           "read_results", "stored_studies", "verify", "write_results"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lapwing.base.codes import EventKind, Flank, MotionState, SearchStage, Status
-from lapwing.base.stability_names import STABILITY
+from lapwing.base.quantities import PARAMETERS, STABILITY
 
 CODES = {"status": Status, "motion_state": MotionState, "event_kind": EventKind,
          "impact_flank": Flank, "trial_stage": SearchStage}
@@ -79,19 +79,7 @@ DESCRIPTIONS = {
     "claim_value": (None, "parameter value a source reports on"),
     "claim_deepest_separation": ("rad", "deepest separation a source reports"),
     "claim_text": (None, "what a source reports, in words"),
-    "brake_torque": ("N m", "brake torque on the gear"),
-    "drive_torque": ("N m", "drive torque on the pinion"),
-    "pinion_speed_rpm": ("rpm", "pinion speed"),
-    "pinion_speed_rad_s": ("rad/s", "pinion speed"),
-    "mesh_frequency_hz": ("Hz", "mesh frequency"),
-    "pinion_base_lever": ("m", "lever of the normal mesh force about the pinion axis"),
-    "mesh_stiffness": ("N/m", "normal mesh stiffness"),
-    "mesh_damping": ("N s/m", "normal mesh damping"),
-    "backlash": ("rad", "angular backlash"),
-    "pinion_inertia": ("kg m2", "polar inertia of the pinion"),
-    "gear_inertia": ("kg m2", "polar inertia of the gear"),
-    "restitution": ("1", "coefficient of restitution"),
-    "damping_ratio": ("1", "damping ratio"),
+    **{name: (one.units, one.long_name) for name, one in PARAMETERS.items()},
 }
 # Whole numbers that the engine's tables hold as reals.
 WHOLE = ("motion_state", "impacts", "back_impacts", "counted_impacts", "counted_back_impacts",

@@ -94,7 +94,7 @@ def settled_state(osc, cycles, start="rest", *, numerics=NUMERICS):
     return _strobed(call)
 
 
-def find_orbit(osc, start, cycles=1, *, numerics=NUMERICS):
+def find_orbit(osc, start="rest", cycles=1, *, settle=400, numerics=NUMERICS):
     """Newton's method on the map over `cycles` mesh cycles.
 
     1. The map and its matrix M from one run; the step is (M - 1)⁻¹ (x - map(x)).
@@ -106,8 +106,10 @@ def find_orbit(osc, start, cycles=1, *, numerics=NUMERICS):
     ----------
     osc : Oscillator
     start : (motion_state, phi, phi_dot) at phase 0, near the motion; its motion state is that of
-        the section
+        the section. 'rest': the state after `settle` mesh cycles from rest
     cycles : int, >= 1
+    settle : int, >= 1, mesh cycles from rest
+    numerics : Numerics
 
     Returns
     -------
@@ -122,9 +124,9 @@ def find_orbit(osc, start, cycles=1, *, numerics=NUMERICS):
     """
     cycles = _checked(osc, cycles, numerics)
     numbers = engine_start(osc, start)
+    settle = arguments.whole("settle", settle, 1, MAX_INT // 4)
     if numbers[0] == REST:
-        raise ValueError("start = 'rest', expected (motion_state, phi, phi_dot): the motion state "
-                         "is that of the section; settled_state gives one")
+        numbers = settled_state(osc, settle, numerics=numerics)
     state, x = MotionState(int(numbers[0])), np.array(numbers[1:])
     here = _cycle_map(osc, state, x, cycles, numerics)
     for _ in range(MOST_STEPS):

@@ -9,9 +9,9 @@ import numpy as np
 
 from lapwing import engine
 from lapwing.base import arguments, estimates
-from lapwing.base.arguments import MAX_INT, shown
+from lapwing.base.arguments import MAX_INT, renamed, shown
 from lapwing.base.codes import MotionState, Status
-from lapwing.engine import Numerics, TrajectoryCall, Wanted, position
+from lapwing.engine import Numerics, TrajectoryCall, Wanted, chosen, position
 from lapwing.engine.records import CYCLE, CYCLE_REALS, EVENT, MEAN
 from lapwing.model.oscillator import Oscillator
 from lapwing.model.start import put_on_flank, start_problem
@@ -100,8 +100,8 @@ class Run:
 
 
 def simulate(osc, start="rest", phase=0.0, cycles=50, method="auto", rtol=1e-10, *,
-             record=("events", "cycles"), graze_distance=None, chatter_tol=None, count_depth=0.01,
-             max_events_per_cycle=1_000_000, max_steps_per_cycle=10_000_000):
+             observe=("events", "cycles"), graze_distance=None, chatter_tol=None, count_depth=0.01,
+             max_events_per_cycle=1_000_000, max_steps_per_cycle=10_000_000, numerics=None, **old):
     """Follow one trajectory.
 
     Parameters
@@ -113,11 +113,13 @@ def simulate(osc, start="rest", phase=0.0, cycles=50, method="auto", rtol=1e-10,
         run of two degrees of freedom begins with the nominal rotation
     phase : float, mesh phase at the start, 0 <= phase < 1 (not used with a `final`, which has one)
     cycles : float, mesh cycles to run, > 0
-    record : what is recorded, of 'events', 'cycles', 'grazes'; the rest costs nothing
+    observe : what is recorded, of 'events', 'cycles', 'grazes'; the rest costs nothing
     graze_distance : float, rad; a closest approach nearer than this is logged as a near-graze
         (default 1e-3 of the angle scale, with 'grazes')
     method, rtol, chatter_tol, count_depth, max_events_per_cycle, max_steps_per_cycle :
         see `Numerics`
+    numerics : Numerics or None, all of these at once
+    **old : record, the old name of observe
 
     Returns
     -------
@@ -131,17 +133,20 @@ def simulate(osc, start="rest", phase=0.0, cycles=50, method="auto", rtol=1e-10,
         before any work, where the table of cycles cannot fit.
     """
     arguments.instance("osc", osc, Oscillator)
-    numerics = Numerics(method=method, rtol=rtol, chatter_tol=chatter_tol, count_depth=count_depth,
-                        max_events_per_cycle=max_events_per_cycle,
-                        max_steps_per_cycle=max_steps_per_cycle)
+    observe = renamed(old, "simulate", {"record": ("observe", observe)})[0]
+    numerics = chosen(
+        numerics, method=(method, "auto"), rtol=(rtol, 1e-10), chatter_tol=(chatter_tol, None),
+        count_depth=(count_depth, 0.01),
+        max_events_per_cycle=(max_events_per_cycle, 1_000_000),
+        max_steps_per_cycle=(max_steps_per_cycle, 10_000_000))
     if isinstance(start, HybridState) and start._blob is not None \
             and not _same(osc, start._oscillator):
         start, phase = (start.motion_state, start.phi, start.phi_dot), start.phase
-    record = arguments.choices("record", record, RECORDS)
+    observe = arguments.choices("observe", observe, RECORDS)
     cycles = arguments.real("cycles", cycles, above=0.0, low=0.0, high=MAX_INT - 2)
-    if "cycles" in record:
+    if "cycles" in observe:
         estimates.require(estimates.sweep_bytes(1, math.ceil(cycles)), "simulate",
-                          "cycles, or leave 'cycles' out of record")
+                          "cycles, or leave 'cycles' out of observe")
     if isinstance(start, HybridState):
         if start._blob is None:
             raise ValueError("start: this state is no end of a run")
@@ -152,8 +157,8 @@ def simulate(osc, start="rest", phase=0.0, cycles=50, method="auto", rtol=1e-10,
         graze_distance = 1e-3 * osc.angle_scale
     else:
         graze_distance = arguments.not_negative("graze_distance", graze_distance)
-    wanted = Wanted(events="events" in record, cycles="cycles" in record,
-                    grazes="grazes" in record, graze_distance=graze_distance)
+    wanted = Wanted(events="events" in observe, cycles="cycles" in observe,
+                    grazes="grazes" in observe, graze_distance=graze_distance)
     if isinstance(start, HybridState):
         origin, before = start._origin, start._cycles
         cycle, _ = position(origin[1], before, osc.period)

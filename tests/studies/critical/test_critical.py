@@ -13,9 +13,9 @@ from lapwing.base.codes import SearchStage
 from lapwing.deck import load_deck
 from lapwing.engine import REST, Numerics
 from lapwing.studies.critical import safe as safe_module
-from lapwing.studies.critical.of_deck import critical_study
 from lapwing.studies.critical.safe import SafeSearch
 from lapwing.studies.critical.starts import Fates, fitted, start_grid
+from lapwing.studies.critical.study import critical_study
 from lapwing.studies.trajectory import checked_start
 
 ABSOLUTE = {"pinion_speed_rpm": 240, "impact_law": "absolute"}

@@ -29,9 +29,9 @@ def from_dense_states(osc, cycles):
 
     Begun anew where that ended: times are counted from there and lose no digits.
     """
-    settled = simulate(osc, cycles=SETTLED, record=()).final
+    settled = simulate(osc, cycles=SETTLED, observe=()).final
     run = simulate(osc, start=(settled.motion_state, settled.phi, settled.phi_dot),
-                   cycles=cycles + 1, record=("events",))
+                   cycles=cycles + 1, observe=("events",))
     events = run.events.tau.values[run.events.kind.values != EventKind.KINK]
     knots = np.union1d(np.arange(PIECES) / PIECES, osc.te.knots[:-1])
     edges = np.concatenate([(m + knots) * osc.period for m in range(cycles)]
@@ -69,7 +69,7 @@ def misses(options, cases):
     """Cases that repeat, and those whose stated error is exceeded."""
     periodic, exceeded = 0, []
     for i, osc in enumerate(cases):
-        found = response(osc, PAIR, name="case", settle_cycles=400, record_cycles=48,
+        found = response(osc, PAIR, name="case", settle=400, record=48,
                          samples_per_cycle=64, **options).attrs
         if not found["period"]:
             continue
@@ -94,7 +94,7 @@ def test_no_stated_error_of_periodic_responses_is_exceeded(options, every):
 @pytest.mark.parametrize("osc", [scene_a(3.3), scene_d(5.5), scene_c(12)])
 def test_the_peak_does_not_hang_on_the_samples(osc):
     """Series begun at other states of the same motion: rounding."""
-    few, many = (response(osc, PAIR, name="case", settle_cycles=400, record_cycles=24,
+    few, many = (response(osc, PAIR, name="case", settle=400, record=24,
                           samples_per_cycle=n).attrs for n in (7, 1000))
     for key in ("mesh_force_mean", "mesh_force_peak"):
         assert few[key] == pytest.approx(many[key], rel=1e-12)

@@ -18,7 +18,7 @@ from lapwing.studies.response.motion import (
 )
 from lapwing.studies.response.run import response
 
-SHORT = {"settle_cycles": 60, "record_cycles": 30, "samples_per_cycle": 400, "rtol": 1e-8}
+SHORT = {"settle": 60, "record": 30, "samples_per_cycle": 400, "rtol": 1e-8}
 
 
 def rows(*lines):

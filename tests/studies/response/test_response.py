@@ -11,7 +11,7 @@ NEWTON = PAIR.mesh_stiffness * PAIR.pinion_base_lever
 # Mean of a cubic Hermite quadrature against the exact one, part of the largest force: h⁴/720 for
 # an oscillation of unit frequency, and the cases below have none faster.
 QUADRATURE = 1e-11
-SHORT = {"settle_cycles": 60, "record_cycles": 24, "samples_per_cycle": 64}
+SHORT = {"settle": 60, "record": 24, "samples_per_cycle": 64}
 
 
 def run(osc, **options):
@@ -49,7 +49,7 @@ def test_coast_contact_pushes_the_other_way(back_flank_te):
 @pytest.mark.parametrize("osc", [scene_a(1.8), scene_a(5.5), scene_d(8.0), scene_d(5.5)])
 def test_contact_and_impacts_together_carry_the_static_force(osc):
     """Bounces of a chatter shorter than 1e-7 periods are not listed; their push is left out."""
-    found = run(osc, settle_cycles=400).attrs
+    found = run(osc, settle=400).attrs
     assert found["period"] > 0
     pressing = osc.force + osc.gear_ratio * np.abs(osc.te.curvature(osc.te.knots)).max() \
         / osc.period**2
@@ -65,7 +65,7 @@ def test_contact_and_impacts_together_carry_the_static_force(osc):
     scene_d(2.0), scene_a(1.8, "relative")])
 def test_momentum_balance_of_every_cycle(osc):
     """Chaos, both flanks: forces of each cycle against the change of φ' (g' is that of phase 0)."""
-    data = run(osc, record_cycles=100)
+    data = run(osc, record=100)
     change = np.diff(data["cycle_phi_dot"].values) / osc.period
     force = (data["cycle_mesh_force_mean"] + data["cycle_impact_force_mean"]).values[:-1]
     error = np.abs(force - NEWTON * (osc.force - change))
@@ -84,7 +84,7 @@ def test_energy_balance_over_a_period():
     chatter) costs at most one spacing times its size.
     """
     osc, n = scene_d(8.0), 16_000
-    data = run(osc, record_cycles=9, settle_cycles=200, samples_per_cycle=n)
+    data = run(osc, record=9, settle=200, samples_per_cycle=n)
     one = data.isel(sample=slice(0, n + 1))
     slope = osc.flank_scale / osc.period * osc.te.slope(one["phase"].values)
     contact = one["motion_state"].values == MotionState.ENGAGEMENT
@@ -105,7 +105,7 @@ def test_energy_balance_over_a_period():
 def test_history_and_events_are_those_of_simulate():
     """At a start phase above 0, too; recording begins with the first whole cycle."""
     osc = scene_a(3.3)
-    data = run(osc, phase=0.25, settle_cycles=5, record_cycles=6, rtol=1e-10)
+    data = run(osc, phase=0.25, settle=5, record=6, rtol=1e-10)
     assert data.attrs["first_cycle"] == 6
     whole = simulate(osc, phase=0.25, cycles=12, rtol=1e-10)
     first = whole.cycles.sel(cycle=slice(6, 11))
@@ -129,8 +129,8 @@ def test_an_impact_counts_with_the_flight_before_recording():
 
     That is less than 1 % of the rebound's height, ε² = 0.64, but the flight was 1 deep.
     """
-    data = run(oscillator(period=1.41), start=("separation", -1.0, 0.0), settle_cycles=1,
-               record_cycles=1)
+    data = run(oscillator(period=1.41), start=("separation", -1.0, 0.0), settle=1,
+               record=1)
     assert data["cycle_deepest_separation"].item() == pytest.approx(0.64, rel=1e-9)
     assert data["cycle_counted_impacts"].item() == data["cycle_impacts"].item() == 1
 
@@ -157,12 +157,12 @@ def test_the_error_estimate_bounds_the_error():
 
 
 def test_below_the_tightest_tolerance_the_other_run_is_looser():
-    assert run(scene_a(12), rtol=5e-13, settle_cycles=1, record_cycles=2).attrs["rtol_reference"] \
+    assert run(scene_a(12), rtol=5e-13, settle=1, record=2).attrs["rtol_reference"] \
         == pytest.approx(5e-11)
 
 
 def test_transient_shows_what_has_not_settled():
-    early = run(scene_c(12), settle_cycles=0, record_cycles=8).attrs
+    early = run(scene_c(12), settle=0, record=8).attrs
     late = run(scene_c(12)).attrs
     assert abs(early["mesh_force_mean_transient"]) > 1e-3 * early["mesh_force_mean"]
     # 60 periods of 13 in τ damped with 0.1: e^-80.
@@ -170,7 +170,7 @@ def test_transient_shows_what_has_not_settled():
 
 
 def test_motion_without_a_period_is_compared_by_its_statistics():
-    found = run(scene_a(0.8), settle_cycles=100, record_cycles=80).attrs
+    found = run(scene_a(0.8), settle=100, record=80).attrs
     assert found["period"] == 0
     assert found["motion_class"] == "aperiodic"
     assert found["error_kind"] == "statistical"
@@ -179,7 +179,7 @@ def test_motion_without_a_period_is_compared_by_its_statistics():
 
 def test_averages_are_over_whole_periods():
     """Period 2 in 25 cycles: the last 24 count, so that each cycle of the pair weighs the same."""
-    data = run(scene_d(5.5), settle_cycles=400, record_cycles=25)
+    data = run(scene_d(5.5), settle=400, record=25)
     assert data.attrs["motion_class"].startswith("2:(")
     assert data.attrs["motion_class"].endswith("c")
     counted = data["cycle_counted_impacts"].values
@@ -209,7 +209,7 @@ def test_rigid_contact_has_no_spring_force():
 
 
 def test_without_restitution_arrivals_are_counted():
-    data = run(scene_d(5.5, contact_law="compliant"), settle_cycles=200)
+    data = run(scene_d(5.5, contact_law="compliant"), settle=200)
     assert data.attrs["impacts_per_cycle"] == data["cycle_engages"].values.mean() > 0
 
 
@@ -224,7 +224,7 @@ def test_claims_are_kept_and_repeats_are_bit_identical():
 
 
 @pytest.mark.parametrize(("wrong", "message"), [
-    ({"record_cycles": 0}, "record_cycles = 0"), ({"settle_cycles": -1}, "settle_cycles = -1"),
+    ({"record": 0}, "record = 0"), ({"settle": -1}, "settle = -1"),
     ({"samples_per_cycle": 2.5}, "samples_per_cycle = 2.5"), ({"phase": 1.0}, "phase = 1.0"),
     ({"start": ("separation", 1.0, 0.0)}, "contradicts"), ({"rtol": 1.0}, "rtol = 1.0")])
 def test_refusals(wrong, message):

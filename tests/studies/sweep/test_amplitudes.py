@@ -41,7 +41,7 @@ def test_engaged_teeth_follow_the_linear_response(phase):
 def test_forces_are_those_of_a_response():
     data = found([1.8, 3.3, 12.0], pinion_speed_rpm=240, impact_law="absolute", settle=400)
     for i, torque in enumerate((1.8, 3.3, 12.0)):
-        attrs = response(scene_a(torque), PAIR, name="a", record_cycles=20).attrs
+        attrs = response(scene_a(torque), PAIR, name="a", record=20).attrs
         for name in ("mesh_force_mean", "mesh_force_peak"):
             assert float(data[name][0, i]) == pytest.approx(attrs[name], rel=1e-6)
         # The displacement goes from the deepest separation into the flank.
@@ -51,7 +51,7 @@ def test_forces_are_those_of_a_response():
 def test_a_motion_of_period_two_is_seen_whole():
     data = found([11.5], pinion_speed_rpm=240, impact_law="absolute", settle=400)
     assert int(data["period"][0, 0]) == 2
-    run = response(scene_a(11.5), PAIR, name="a", record_cycles=20)
+    run = response(scene_a(11.5), PAIR, name="a", record=20)
     phi = run["phi"].values
     assert float(data["phi_rms"][0, 0]) == pytest.approx(phi.std(), rel=1e-6)
     assert float(data["dynamic_te_peak_to_peak"][0, 0]) == pytest.approx(

@@ -6,17 +6,14 @@ import re
 from dataclasses import replace
 
 from lapwing.deck import schema
-from lapwing.deck.checks.critical import build_critical
 from lapwing.deck.checks.curve import curve_options
 from lapwing.deck.checks.hints import of_parameters
-from lapwing.deck.checks.magnitudes import warn_of_order, warn_of_torques, warn_of_units
-from lapwing.deck.checks.ranges import range_values
+from lapwing.deck.checks.magnitudes import warn_of_torques, warn_of_units
 from lapwing.deck.checks.te_table import file_table, flat, formula_table
-from lapwing.deck.deck import Deck, Response, Sweep
+from lapwing.deck.deck import Deck
 from lapwing.deck.problems import Place, nearest
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.oscillator import ParameterError
-from lapwing.model.start import start_problem
 
 
 def assemble(path, text, overrides, readers, report):
@@ -54,8 +51,7 @@ def assemble(path, text, overrides, readers, report):
                  for name in schema.STUDIES}
     return Deck(path=path, text=text, overrides=overrides, warnings=report.warnings,
                 settings=settings, te_table=table, gear_pair=pair, operation=builder.operation,
-                numerics=settings["numerics"].model_dump(), responses=built["response"],
-                sweeps=built["sweep"], criticals=built["critical"])
+                numerics=settings["numerics"].model_dump(), studies=built)
 
 
 def _check_presence(models, studies, origin, report):
@@ -63,7 +59,8 @@ def _check_presence(models, studies, origin, report):
         if name not in models:
             report.add(origin, f"&{name} is missing")
     if not studies:
-        report.add(origin, "neither &response nor &sweep nor &critical: nothing to compute")
+        report.add(origin, "neither " + " nor ".join(f"&{name}" for name in schema.STUDIES)
+                   + ": nothing to compute")
 
 
 def _check_names(studies, report):
@@ -182,53 +179,42 @@ class Studies:
     Attributes
     ----------
     operation : dict, what &operation, &scene and te_sign give
+    report : Report
+    pair : GearPair or None
+    ready : bool, whether oscillators can be built: nothing they need was refused
     """
 
     def __init__(self, settings, models, pair, table, report):
-        self._settings, self._models, self._report = settings, models, report
-        self._pair = pair
+        self._settings, self._models, self.report = settings, models, report
+        self.pair = pair
         self._refused = any(keys is None for keys in settings.values())
         self.operation = {} if self._refused else {
             **_given(settings["operation"], schema.OPERATION),
             **settings["scene"].model_dump(),
             "te_sign": settings["transmission_error"].te_sign}
-        self._ready = not self._refused and pair is not None and table is not None
-        self._te = self._table(table) if self._ready else None
+        self.ready = not self._refused and pair is not None and table is not None
+        self._te = self._table(table) if self.ready else None
 
     def _table(self, table):
         """The table where its shape is checked, else a stand-in."""
         scene = self._settings["scene"]
         return flat() if scene.back_flank_te or scene.gap == "one_flank" else table.build()
 
+    @property
+    def start_phase(self):
+        """Mesh phase at which runs start."""
+        numerics = self._settings["numerics"]
+        return numerics.start_phase if numerics else 0.0
+
     def build(self, reader):
-        """`Response`, `Sweep` or `Critical` of one group, or None."""
-        keys = reader.keys
-        if keys is None:
-            return None
-        if reader.name == "critical":
-            return build_critical(self, reader, keys, self._report) if self._ready else None
-        return (self._response if reader.name == "response" else self._sweep)(reader, keys)
+        """The study of one group as `Asked`, or None."""
+        return reader.keys and reader.keys.build(self, reader)
 
     def rtol(self, reader):
         """Tolerance of a study: its own, that of &numerics, or the default."""
         numerics = self._settings["numerics"]
-        given = reader.keys.rtol or (numerics.rtol if numerics else None)
-        return given or schema.RTOL[reader.name]
-
-    def _response(self, reader, keys):
-        start = self._start(reader, keys)
-        if not self._ready:
-            return None
-        operation = self.own_operation(keys)
-        warn_of_torques(reader, self._pair, operation, None, self._report)
-        oscillator = self.oscillator(reader, self._pair, operation)
-        if oscillator is not None:
-            self._check_start(reader, oscillator, start)
-        return Response(
-            operation=operation, start=start, rtol=self.rtol(reader),
-            **{name: getattr(keys, name) for name in (
-                "name", "settle_cycles", "record_cycles", "samples_per_cycle", "exponents",
-                "claim_impacts_per_cycle", "claim_deepest_separation", "claim_text")})
+        given = getattr(reader.keys, "rtol", None) or (numerics.rtol if numerics else None)
+        return given or reader.keys.default_rtol
 
     def own_operation(self, keys):
         """The operation with what a study sets itself; its speed, however given, replaces all."""
@@ -237,33 +223,6 @@ class Studies:
         if own.keys() & set(schema.SPEEDS):
             operation = {k: v for k, v in operation.items() if k not in schema.SPEEDS}
         return {**operation, **own}
-
-    def _start(self, reader, keys):
-        if keys.start == "rest":
-            for name in ("start_phi", "start_phi_dot"):
-                if name in reader.places:
-                    self._report.add(reader.key_places[name],
-                                     f"{name} goes with a motion state as start, not with 'rest'")
-            return "rest"
-        if keys.start_phi is None:
-            self._report.add(reader.places["start"],
-                             f"start = '{keys.start}' needs start_phi (rad)")
-            return "rest"
-        return keys.start, float(keys.start_phi), float(keys.start_phi_dot or 0.0)
-
-    def _check_start(self, reader, oscillator, start):
-        """Decisions e and k of docs/model.md."""
-        if start == "rest":
-            if oscillator.force < 0 and oscillator.gap == "one_flank":
-                self._report.add(reader.place, "start = 'rest' with a negative force needs a "
-                                               "coast flank to rest on")
-            return
-        state, phi, _ = start
-        numerics = self._settings["numerics"]
-        problem = start_problem(oscillator, state, phi, numerics.start_phase if numerics else 0.0)
-        if problem:
-            self._report.add(reader.places["start_phi"],
-                             f"start_phi = {phi:g} contradicts start = '{state}': {problem}")
 
     def oscillator(self, reader, pair, operation):
         """The oscillator, or None: what is missing is said here, the rest by the driver."""
@@ -276,7 +235,7 @@ class Studies:
             return oscillator
         except (ValueError, ArithmeticError) as error:
             readers = [*(self._models[name] for name in self._models), reader]
-            _relay(error, readers, self._report)
+            _relay(error, readers, self.report)
         return None
 
     def _check_method(self, oscillator):
@@ -292,34 +251,9 @@ class Studies:
         if not speeds:
             lacking.append("one of " + ", ".join(schema.SPEEDS))
         for what in lacking:
-            self._report.add(where, f"&operation lacks {what}, which &{reader.name} "
+            self.report.add(where, f"&operation lacks {what}, which &{reader.name} "
                                     f"'{reader.keys.name}' needs")
         return not lacking
-
-    def _sweep(self, reader, keys):
-        name = keys.parameter.strip().lower()
-        group = self.parameter(reader, name)
-        values = range_values(reader, self._report)
-        if group is None or values is None:
-            return None
-        name = name.rpartition(".")[2]
-        starts = tuple(keys.starts)
-        if len(set(starts)) != len(starts):
-            self._report.add(reader.places["starts"], "starts: expected each once")
-        self.check_values(reader, name, group, values)
-        if not self._ready:
-            return None
-        operation = {k: v for k, v in self.operation.items() if k != name}
-        self.check_ends(reader, name, group, values, operation)
-        warn_of_order(reader, self._report)
-        if name == "brake_torque":
-            warn_of_torques(reader, self._pair, operation, values, self._report)
-        return Sweep(name=keys.name, parameter=name, group=group, values=values,
-                     operation=operation, starts=starts, rtol=self.rtol(reader),
-                     settle_cycles=keys.settle_cycles, record_cycles=keys.record_cycles,
-                     impacts=keys.impacts, speed_density=keys.speed_density,
-                     order_spectra=keys.order_spectra, exponents=keys.exponents,
-                     amplitudes=keys.amplitudes)
 
     def parameter(self, reader, name):
         """Group of the parameter varied, or None."""
@@ -329,14 +263,14 @@ class Studies:
         if bare not in known or group not in ("", known[bare]):
             full = [*known, *(f"{group}.{key}" for key, group in known.items())]
             hint = of_parameters(name) or nearest(name, full if group else known)
-            self._report.add(place, f"parameter = {name!r} is no real number of &gear_pair or "
-                                    f"&operation; {hint}")
+            self.report.add(place, f"parameter = {name!r} is no real number of &gear_pair or "
+                                   f"&operation; {hint}")
             return None
         for reader_name, model in {**self._models, reader.name: reader}.items():
             for names in schema.GROUPS[reader_name].exclusive:
                 others = [key for key in names if key != bare and key in model.places]
                 if bare in names and others:
-                    self._report.add(place, f"parameter = {name!r}, but &{reader_name} gives "
+                    self.report.add(place, f"parameter = {name!r}, but &{reader_name} gives "
                                             f"{others[0]}; vary that, or give {bare} instead")
                     return None
         return known[bare]
@@ -350,16 +284,16 @@ class Studies:
                  or value <= limits.get("gt", value - 1) or value >= limits.get("lt", value + 1)]
         place = reader.places.get("values") or reader.places["from"]
         for value in wrong[:1]:
-            self._report.add(place, f"{name} = {value:g} among the values, expected "
+            self.report.add(place, f"{name} = {value:g} among the values, expected "
                                     f"{kind.expected}")
 
     def check_ends(self, reader, name, group, values, operation):
         """Force is monotonic in each parameter: what holds at both ends holds between them."""
         for value in map(float, {values[0], values[-1]}):
-            pair, at = self._pair, operation
+            pair, at = self.pair, operation
             if group == "operation":
                 at = {**operation, name: value}
-            elif self._report.refusals:
+            elif self.report.refusals:
                 return
             else:
                 pair = replace(pair, **{name: value})
@@ -367,7 +301,7 @@ class Studies:
             if oscillator is None:
                 return
             if oscillator.force < 0 and oscillator.gap == "one_flank" and reader.name == "sweep":
-                self._report.add(reader.place, "starts from rest with a negative force need a "
+                self.report.add(reader.place, "starts from rest with a negative force need a "
                                                "coast flank to rest on")
 
 

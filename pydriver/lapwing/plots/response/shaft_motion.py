@@ -9,6 +9,11 @@ from lapwing.plots.response.trajectory import cycles_recorded, cycles_shown
 
 
 @style.house_style()
+def shows(response):
+    """Whether there are two degrees of freedom."""
+    return bool("pinion_speed" in response)
+
+
 def draw(response, gear_pair):
     """Draw the mean speed over the record, and both shafts' speeds about it in the last cycles.
 

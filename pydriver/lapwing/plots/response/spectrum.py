@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lapwing.base.spectra import order_spectrum
+from lapwing.model.harmonic_series import order_spectrum
 from lapwing.plots import style
 from lapwing.plots.response.trajectory import cycles_recorded
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from lapwing.plots import critical_marks, style
 from lapwing.plots.sweep import parts as sweep_parts
+from lapwing.results.findings import known
 
 # Variable, factor to what is drawn, heading, and unit, of each panel.
 PANELS = (("dynamic_te_rms", style.URAD, "dynamic transmission error, rms", "µrad"),
@@ -24,6 +25,11 @@ ROOM = 1.12
 
 
 @style.house_style()
+def shows(sweep):
+    """Whether some point has a result, and the sweep what is drawn."""
+    return bool(known(sweep).any() and "dynamic_te_rms" in sweep)
+
+
 def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
          marks=()):
     """Draw amplitudes and forces of a sweep.

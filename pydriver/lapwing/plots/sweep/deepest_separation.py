@@ -6,12 +6,18 @@ import numpy as np
 
 from lapwing.plots import critical_marks, style
 from lapwing.plots.sweep import parts as sweep_parts
+from lapwing.results.findings import known
 
 # Places for a claim's words that are tried at once.
 BLOCK = 32
 
 
 @style.house_style()
+def shows(sweep):
+    """Whether some point has a result."""
+    return bool(known(sweep).any())
+
+
 def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
          marks=()):
     """Draw the deepest separation of the recorded cycles.

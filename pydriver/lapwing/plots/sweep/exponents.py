@@ -7,9 +7,15 @@ import numpy as np
 from lapwing.base.codes import Status
 from lapwing.plots import critical_marks, style
 from lapwing.plots.sweep import parts as sweep_parts
+from lapwing.results.findings import known
 
 
 @style.house_style()
+def shows(sweep):
+    """Whether some point has a result, and the sweep what is drawn."""
+    return bool(known(sweep).any() and "lyapunov_exponent" in sweep)
+
+
 def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
          marks=()):
     """Draw a sweep with its exponents.

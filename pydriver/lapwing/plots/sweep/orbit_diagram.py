@@ -9,6 +9,7 @@ from lapwing.base.codes import Status
 from lapwing.plots import critical_marks, style
 from lapwing.plots.style import save
 from lapwing.plots.sweep import parts as sweep_parts
+from lapwing.results.findings import known
 
 # Periods above this share a row of the strip.
 HIGHEST_PERIOD = 8
@@ -18,6 +19,11 @@ PLACES, OPAQUE = 4096, 20
 
 
 @style.house_style()
+def shows(sweep):
+    """Whether some point has a result."""
+    return bool(known(sweep).any())
+
+
 def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
          marks=()):
     """Draw a sweep.

@@ -6,20 +6,25 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lapwing.base import quantities
 from lapwing.base.codes import Status
 from lapwing.plots import style
 from lapwing.results.findings import evidence_beyond, names
 
-AXIS_LABELS = {"brake_torque": "braking torque (N·m)", "drive_torque": "drive torque (N·m)",
-               "pinion_speed_rpm": "pinion speed (rpm)",
-               "pinion_speed_rad_s": "pinion speed (rad/s)",
-               "mesh_frequency_hz": "mesh frequency (Hz)", "backlash": "backlash (rad)",
-               "restitution": "coefficient of restitution", "damping_ratio": "damping ratio"}
+# Words on an axis where they are others than a sentence takes.
+AXIS_WORDS = {"brake_torque": "braking torque", "restitution": "coefficient of restitution"}
 
 # Part of the range that the words beside the line of complete engagement may need.
 ROOM = 0.4
 # Free part of the range at either end, so that the points there are whole.
 MARGIN = 0.008
+
+
+def axis_label(name):
+    """A parameter and its unit, for an axis."""
+    known = quantities.parameter(name)
+    words = AXIS_WORDS.get(name, known.words)
+    return f"{words} ({known.shown})" if known.shown else words
 
 
 class Claim(NamedTuple):
@@ -40,8 +45,8 @@ class Claim(NamedTuple):
 
 
 def unit_of(parameter):
-    """Unit of a parameter, as its axis names it; empty text where it names none."""
-    return AXIS_LABELS.get(parameter, "").partition("(")[2].rstrip(")")
+    """Unit of a parameter; empty text where it is a bare number or none of them."""
+    return quantities.parameter(parameter).shown
 
 
 def claims_of(sweep, given):
@@ -162,7 +167,7 @@ def finish(figure, axes, sweep, title):
     """Label and limits of the parameter's axis, and the heading."""
     parameter = parameter_of(sweep)
     values = sweep[parameter].values
-    axes[-1].set_xlabel(AXIS_LABELS.get(parameter, parameter.replace("_", " ")))
+    axes[-1].set_xlabel(axis_label(parameter))
     if values.size == 1:
         axes[-1].set_xticks(values)
     if values[-1] > values[0]:

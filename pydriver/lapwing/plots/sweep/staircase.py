@@ -11,6 +11,7 @@ from lapwing.base.arrivals import arrivals_in, per_cycle
 from lapwing.base.codes import Status
 from lapwing.plots import critical_marks, style
 from lapwing.plots.sweep import parts as sweep_parts
+from lapwing.results.findings import known
 
 # A run of one class is named in the strip where it is wider than this part of the axis.
 NAMED_FROM = 0.045
@@ -19,6 +20,11 @@ PERIODIC = re.compile(r"(\d+):\((\d+),(\d+)\)(c?)$")
 
 
 @style.house_style()
+def shows(sweep):
+    """Whether some point has a result, and the sweep what is drawn."""
+    return bool(known(sweep).any() and "motion_class" in sweep)
+
+
 def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
          marks=()):
     """Draw counted impacts per cycle and, for each start, the classes p:(i,j).

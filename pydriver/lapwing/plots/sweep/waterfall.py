@@ -6,11 +6,17 @@ import numpy as np
 
 from lapwing.plots import critical_marks, style
 from lapwing.plots.sweep import parts as sweep_parts
+from lapwing.results.findings import known
 
 DECADES = 5
 
 
 @style.house_style()
+def shows(sweep):
+    """Whether some point has a result, and the sweep what is drawn."""
+    return bool(known(sweep).any() and "order_spectrum" in sweep)
+
+
 def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
          marks=()):
     """Draw the order spectra of φ, one panel for each start.

@@ -7,7 +7,7 @@ from lapwing.report.amplitudes import greatest
 from lapwing.report.answers.evidence import failures, looks, together
 from lapwing.report.answers.limits import at_least, at_most, bands
 from lapwing.report.critical import headline
-from lapwing.report.words import UNITS, parameter_words, plural
+from lapwing.report.words import parameter_unit, parameter_words, plural
 
 
 def besides(criticals, sweeps):
@@ -29,7 +29,7 @@ def besides(criticals, sweeps):
             continue
         at = f"at {attrs['brake_torque']:g} N·m " if "brake_torque" in attrs else ""
         if attrs["find"] == "full" and attrs["outcome"] == "found":
-            value, unit = attrs["estimate"], UNITS.get(attrs["parameter"], "")
+            value, unit = attrs["estimate"], parameter_unit(attrs["parameter"])
             limit = ("from", at_least(value)) if attrs.get("safe_end", "high") == "high" \
                 else ("up to", at_most(value))
             said.append(f"{at}contact can be kept {limit[0]} a "
@@ -44,7 +44,7 @@ def besides(criticals, sweeps):
 def _along(sweep):
     """Where the teeth part, and strike the coast flank, along another parameter."""
     parameter = sweep["status"].dims[1]
-    unit, law = UNITS.get(parameter, ""), arrivals_in(sweep.attrs)
+    unit, law = parameter_unit(parameter), arrivals_in(sweep.attrs)
     found = looks((), (), [sweep], parameter)
     parting, back = (together(found, what) for what in ("rattling", "back"))
     if not parting.values.size:

@@ -18,7 +18,7 @@ from lapwing.report.answers.limits import MOST, at_least, at_most, bands
 from lapwing.report.critical import REASONS
 from lapwing.report.measured import noise_findings
 from lapwing.report.numbers import doubtful
-from lapwing.report.words import UNITS, plural
+from lapwing.report.words import parameter_unit, plural
 from lapwing.results.findings import START_NAMES, known, names, rattles
 
 HEADING = "## Findings"
@@ -91,7 +91,7 @@ def _stopped(sweeps, missing):
 class _Torque:
     """What is known along the braking torque at the deck's own speed."""
 
-    unit = UNITS["brake_torque"]
+    unit = parameter_unit("brake_torque")
 
     def __init__(self, responses, criticals, sweeps):
         self.responses = [one for one in responses if not int(one.attrs.get("own_operation", 0))]

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from lapwing.base import arguments
+from lapwing.base import arguments, quantities
 from lapwing.base.threads import checked_threads
 from lapwing.engine import Numerics, common_method
 from lapwing.model.gear_pair import GearPair
@@ -19,8 +19,9 @@ from lapwing.model.rigid_contact import LiftOff, lift_off_force
 from lapwing.model.transmission_error import TransmissionError
 from lapwing.studies.critical.safe import SafeSearch, Trial
 from lapwing.studies.critical.starts import StartGrid, follow, start_grid
+from lapwing.studies.critical.value import CriticalValue
 from lapwing.studies.intervals import bursts, rate_limit
-from lapwing.studies.sweep.run import PARAMETER_UNITS, oscillator_at, parameters
+from lapwing.studies.sweep.run import oscillator_at, parameters
 
 FINDS = ("full", "safe", "back", "on")
 SAFE_ENDS = ("high", "low")
@@ -63,7 +64,8 @@ def critical_full(pair, te, *, parameter="brake_torque", values=None, safe_end="
 
     Returns
     -------
-    xarray.Dataset without variables for a torque, else over `trial`: trial_value and trial_margin
+    CriticalValue: value, low and high, and `data`, a Dataset
+    without variables for a torque, else over `trial`: trial_value and trial_margin
     (F - F_crit, rad). Attributes: find, parameter, outcome ('found', 'safe_throughout',
     'unsafe_throughout', 'resonance': undamped, no engaged response exists), estimate, bar (of the
     parameter; a bar of 0 is rounding), phase (mesh periods, where contact is lost first).
@@ -115,7 +117,8 @@ def critical_safe(pair, te, *, parameter="brake_torque", values, safe_end="high"
 
     Returns
     -------
-    xarray.Dataset over `trial`, in the order tried: trial_value, trial_stage (`SearchStage`),
+    CriticalValue: value, low and high (the bracket left), and `data`, a Dataset
+    over `trial`, in the order tried: trial_value, trial_stage (`SearchStage`),
     trial_starts, trial_rattling, trial_failed (numbers of motions; a failed one counts as
     rattling). Attributes: find, parameter, outcome ('found', 'safe_throughout',
     'unsafe_throughout'), rattling and clean (ends of the bracket), estimate (its middle), bar
@@ -147,7 +150,7 @@ def critical_safe(pair, te, *, parameter="brake_torque", values, safe_end="high"
     rattling, clean = search.run(values, further)
     outcome = "safe_throughout" if math.isnan(rattling) else \
         "unsafe_throughout" if math.isnan(clean) else "found"
-    return _dataset(
+    return _found(
         "safe", parameter, outcome, 0.5 * (rattling + clean), 0.5 * abs(clean - rattling),
         _trials(search.trials), rattling=rattling, clean=clean, resolution=resolution,
         **_scan(values, safe_end), **_starts(starts, phase, settle, record),
@@ -179,7 +182,8 @@ def critical_back(pair, te, *, parameter="brake_torque", values, safe_end="high"
 
     Returns
     -------
-    xarray.Dataset over `trial`, from the safe end: trial_value, trial_cycles (examined),
+    CriticalValue: value, low and high (last seen and next clean), and `data`, a Dataset
+    over `trial`, from the safe end: trial_value, trial_cycles (examined),
     trial_back_cycles (with a back impact or back engagement), trial_bursts, trial_rate_bound
     (bursts per cycle),
     trial_starts, trial_failed. Attributes: find, parameter, outcome ('found', 'none_seen',
@@ -214,7 +218,7 @@ def critical_back(pair, te, *, parameter="brake_torque", values, safe_end="high"
     burst = np.array([bursts(fates.back_at[end - many:end])
                       for end, many in zip(ends, followed, strict=True)])
     bound = rate_limit(burst, cycles, confidence)
-    return _dataset(
+    return _found(
         "back", parameter, *_last_seen(values, seen), confidence=confidence,
         variables={"trial_value": values, "trial_starts": followed, "trial_failed": failed,
                    "trial_cycles": cycles, "trial_back_cycles": seen, "trial_bursts": burst,
@@ -264,7 +268,7 @@ def of_force(find, criterion, pair, te, parameter, values, safe_end, operation):
         outcome = needed.reason or "found"
         value = (needed.force - rest.force) / (unit.force - rest.force)
         known = outcome == "found"
-        return _dataset(find, parameter, outcome, value if known else math.nan,
+        return _found(find, parameter, outcome, value if known else math.nan,
                         0.0 if known else math.nan, phase=needed.phase)
     if values is None:
         raise ValueError(f"critical: parameter = {parameter!r} is no torque; expected are values "
@@ -296,7 +300,7 @@ def _along(find, criterion, at, parameter, values, safe_end):
     elif outcome == "found":
         estimate = brentq(margin, value, previous, xtol=1e-300, rtol=4 * np.finfo(float).eps)
         lost = _needed(criterion, at(estimate))
-    return _dataset(find, parameter, outcome, estimate, 0.0 if outcome == "found" else math.nan,
+    return _found(find, parameter, outcome, estimate, 0.0 if outcome == "found" else math.nan,
                     {"trial_value": values[:len(margins)], "trial_margin": margins},
                     phase=lost.phase, **_scan(values, safe_end))
 
@@ -358,10 +362,10 @@ def _trials(trials):
     return {**columns, "trial_stage": np.array(columns["trial_stage"], dtype=np.int8)}
 
 
-def _dataset(find, parameter, outcome, estimate, bar, variables=None, **attrs):
+def _found(find, parameter, outcome, estimate, bar, variables=None, **attrs):
     import xarray as xr
 
-    unit = {**PARAMETER_UNITS, "pinion_speed_rpm": "rpm"}.get(parameter, "1")
+    unit = quantities.parameter(parameter).units
     dataset = xr.Dataset(
         {name: ("trial", np.asarray(column)) for name, column in (variables or {}).items()},
         attrs={"find": find, "parameter": parameter, "units": unit, "outcome": outcome,
@@ -370,7 +374,7 @@ def _dataset(find, parameter, outcome, estimate, bar, variables=None, **attrs):
         units, long_name = DESCRIPTIONS[name]
         dataset[name].attrs = {"long_name": long_name,
                                "units": unit if units is None else units}
-    return dataset
+    return CriticalValue.of(dataset)
 
 
 __all__ = ["StartGrid", "critical_back", "critical_full", "critical_on", "critical_safe"]

@@ -104,7 +104,7 @@ def motion_attributes(osc, recording, period, max_period, numerics):
     Returns
     -------
     dict
-        The names of `stability_names.NUMBERS`; `multiplier_real` and `multiplier_imag` (2,),
+        The names of `quantities.NUMBERS`; `multiplier_real` and `multiplier_imag` (2,),
         `orbit_period` (0: no orbit found) and `orbit_distance` (part of the motion's size, of an
         orbit found) where there is a period, else `aperiodic_reason`; `stability_warning` where
         there is one.

@@ -9,23 +9,25 @@ Over whole periods  mean W + impulses per time = k'·(r_m1·n_mt)·F,  the avera
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from lapwing import engine
 from lapwing.base import arguments, estimates
-from lapwing.base.arguments import MAX_INT, Refusals
+from lapwing.base.arguments import MAX_INT, Refusals, renamed
 from lapwing.base.arrivals import arrivals_of
 from lapwing.base.codes import EventKind, MotionState, Status
-from lapwing.engine import Numerics, columns, impacts_of
+from lapwing.engine import chosen, columns, impacts_of
 from lapwing.engine.records import (
     CYCLE,
     CYCLE_REALS,
     EVENT,
     SAMPLE,
 )
+from lapwing.model.gear_pair import GearPair
+from lapwing.model.oscillator import Oscillator
 from lapwing.studies import mean_rotation
 from lapwing.studies.intervals import mean_interval
 from lapwing.studies.period import MAX_PERIOD, find_period, motion_class
@@ -52,12 +54,12 @@ SAFETY = 1.25
 ROUNDING = 64 * float(np.finfo(float).eps)
 
 
-def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, record_cycles=100,
+def response(osc, pair, *, name, start="rest", phase=0.0, settle=400, record=100,
              samples_per_cycle=400, exponents=False, method="auto", rtol=1e-8,
              max_period=MAX_PERIOD, count_depth=0.01, chatter_tol=None,
              max_events_per_cycle=1_000_000, max_steps_per_cycle=10_000_000, order=0,
-             brake_torque=None, claim_impacts_per_cycle=None, claim_deepest_separation=None,
-             claim_text=None):
+             numerics=None, claim_impacts_per_cycle=None, claim_deepest_separation=None,
+             claim_text=None, **old):
     """Settle, record, repeat by a second run, and say what is known of each number's error.
 
     1. Follow the motion over the cycles to settle, recording nothing; whole cycles are recorded,
@@ -79,12 +81,14 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
     pair : GearPair, the pair `osc` was made from; its units
     name : str
     start, phase : as for `simulate`, but for the end of another run
-    settle_cycles, record_cycles, samples_per_cycle : int; >= 0, >= 1, >= 1
+    settle, record : int, mesh cycles before recording (>= 0), and recorded (>= 1)
+    samples_per_cycle : int, >= 1
     exponents : bool, whether Floquet multipliers and Lyapunov exponents are wanted
     method, rtol, count_depth, chatter_tol, max_events_per_cycle, max_steps_per_cycle :
         see `Numerics`
+    numerics : Numerics or None, all of these at once
     max_period, order : int; mesh cycles, and the place among the responses of a deck
-    brake_torque : float, N·m; default: the one that gives the oscillator's force at balance
+    **old : settle_cycles, record_cycles, the old names of settle and record
     claim_* : what a source reports (depth in rad), float, float, str; kept, not judged
 
     Returns
@@ -106,32 +110,41 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle_cycles=400, rec
     ValueError
         for every refused argument.
     """
-    _check(phase, settle_cycles=settle_cycles, record_cycles=record_cycles,
-           samples_per_cycle=samples_per_cycle, max_period=max_period)
+    settle_cycles, record_cycles = renamed(
+        old, "response", {"settle_cycles": ("settle", settle), "record_cycles": ("record", record)})
+    _check(phase, settle=settle_cycles, record=record_cycles,
+           samples_per_cycle=samples_per_cycle, max_period=max_period, order=order)
+    settle_cycles, record_cycles, samples_per_cycle, max_period, order = map(
+        int, (settle_cycles, record_cycles, samples_per_cycle, max_period, order))
+    _check_others(osc, pair, name, exponents, claim_impacts_per_cycle, claim_deepest_separation,
+                  claim_text)
     estimates.require(estimates.response_bytes(record_cycles, samples_per_cycle, exponents),
                       "response", "record_cycles or samples_per_cycle")
     start = checked_start(osc, start, phase)
-    tolerances = {"count_depth": count_depth, "chatter_tol": chatter_tol,
-                  "max_events_per_cycle": max_events_per_cycle,
-                  "max_steps_per_cycle": max_steps_per_cycle}
+    numerics = chosen(
+        numerics, method=(method, "auto"), rtol=(rtol, 1e-8), chatter_tol=(chatter_tol, None),
+        count_depth=(count_depth, 0.01),
+        max_events_per_cycle=(max_events_per_cycle, 1_000_000),
+        max_steps_per_cycle=(max_steps_per_cycle, 10_000_000))
+    rtol = numerics.rtol
     grid, stored = sample_phases(osc, samples_per_cycle)
     span = (settle_cycles + (phase > 0), record_cycles)
     other = max(rtol / 100, TIGHTEST_RTOL) if rtol >= 10 * TIGHTEST_RTOL else 100 * rtol
-    numerics = Numerics(method=method, rtol=rtol, **tolerances)
     main, reference = (
         _Outcome.of(osc, pair, recorded(osc, (*engine_start(osc, start), phase), span, grid,
                                          one, exponents), max_period)
-        for one in (numerics, Numerics(method="rk4", rtol=other, **tolerances)))
+        for one in (numerics, replace(numerics, method="rk4", rtol=other)))
     settings = {
         "name": name, "order": order,
-        "brake_torque": osc.force / pair.force_per_torque if brake_torque is None else brake_torque,
+        "brake_torque": osc.force / pair.force_per_torque if osc.brake_torque is None
+        else osc.brake_torque,
         "mesh_period_s": osc.period / pair.natural_frequency,
         "method": engine.method_of(osc, numerics), "rtol": rtol,
         "rtol_reference": other, "start_phase": phase,
         "start": start if isinstance(start, str) else " ".join(map(str, start)),
         "settle_cycles": settle_cycles, "record_cycles": record_cycles,
         "first_cycle": span[0], "samples_per_cycle": samples_per_cycle,
-        "max_period": max_period, "count_depth": count_depth,
+        "max_period": max_period, "count_depth": numerics.count_depth,
         "claim_impacts_per_cycle": claim_impacts_per_cycle,
         "claim_deepest_separation": claim_deepest_separation, "claim_text": claim_text}
     given = {key: value for key, value in settings.items() if value is not None}
@@ -173,8 +186,23 @@ def motion_of(osc, pair, *, start, phase, settle_cycles, record_cycles, max_peri
 def _check(phase, **whole):
     taken = Refusals()
     for key, value in whole.items():
-        taken.take(arguments.whole, key, value, int(key != "settle_cycles"), MAX_INT // 4)
+        taken.take(arguments.whole, key, value, int(key not in ("settle", "order")), MAX_INT // 4)
     taken.take(arguments.phase, "phase", phase)
+    taken.raise_if_any("response")
+
+
+def _check_others(osc, pair, name, exponents, impacts, separation, text):
+    taken = Refusals()
+    taken.take(arguments.instance, "osc", osc, Oscillator)
+    taken.take(arguments.instance, "pair", pair, GearPair)
+    taken.take(arguments.instance, "name", name, str)
+    taken.take(arguments.flag, "exponents", exponents)
+    for key, claim in (("claim_impacts_per_cycle", impacts),
+                       ("claim_deepest_separation", separation)):
+        if claim is not None:
+            taken.take(arguments.not_negative, key, claim)
+    if text is not None:
+        taken.take(arguments.instance, "claim_text", text, str)
     taken.raise_if_any("response")
 
 

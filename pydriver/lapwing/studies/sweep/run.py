@@ -7,13 +7,13 @@ from dataclasses import fields, replace
 import numpy as np
 
 from lapwing import engine
-from lapwing.base import arguments, estimates
+from lapwing.base import arguments, estimates, quantities
 from lapwing.base.arguments import Refusals
 from lapwing.base.arrivals import arrivals_of
 from lapwing.base.codes import EventKind, Status
-from lapwing.base.stability_names import NUMBERS
+from lapwing.base.quantities import NUMBERS
 from lapwing.base.threads import checked_threads, usable_threads
-from lapwing.engine import Numerics, Wanted, columns, numbers, work_counts
+from lapwing.engine import Wanted, chosen, columns, numbers, work_counts
 from lapwing.engine.records import CYCLE, STROBED
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.transmission_error import TransmissionError
@@ -37,17 +37,13 @@ UNITS = {"phi": "rad", "phi_dot": "rad per tau", "deepest_separation": "rad",
          "lyapunov_exponent_per_cycle": "per mesh cycle", "speed_edge": "rad per tau",
          "impact_speed_density": "per mesh cycle", "slow_impacts": "per mesh cycle",
          "mean_speed": "rad/s"}
-PARAMETER_UNITS = {"brake_torque": "N m", "drive_torque": "N m", "pinion_speed_rpm": "rev/min",
-                   "pinion_speed_rad_s": "rad/s", "mesh_frequency_hz": "Hz",
-                   "pinion_base_lever": "m", "mesh_stiffness": "N/m", "backlash": "rad",
-                   "pinion_inertia": "kg m2", "gear_inertia": "kg m2", "mesh_damping": "N s/m"}
 
 
 def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=400, record=100,
           observe=("cycles",), phase=0.0, method="auto", rtol=1e-6, chatter_tol=None,
           count_depth=0.01, max_impacts=2000, max_events_per_cycle=1_000_000,
-          max_steps_per_cycle=10_000_000, threads=None, progress=None, keep_interrupted=False,
-          **operation):
+          max_steps_per_cycle=10_000_000, numerics=None, threads=None, progress=None,
+          keep_interrupted=False, **operation):
     """Run a range of values of one parameter.
 
     Parameters
@@ -69,6 +65,7 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
     phase : float, mesh phase at the start
     method, rtol, chatter_tol, count_depth, max_events_per_cycle, max_steps_per_cycle :
         see `Numerics`
+    numerics : Numerics or None, all of these at once
     threads : int or None; default `threads.default_threads`; no result depends on it, and
         `threads.usable_threads` says how many are begun: one in a process born by fork
     progress : callable(fraction done) or None
@@ -90,9 +87,11 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
                                      max_impacts, phase, progress, keep_interrupted)
     settle, record, max_impacts, phase = int(settle), int(record), int(max_impacts), float(phase)
     threads = checked_threads(threads)
-    numerics = Numerics(method=method, rtol=rtol, chatter_tol=chatter_tol, count_depth=count_depth,
-                        max_events_per_cycle=max_events_per_cycle,
-                        max_steps_per_cycle=max_steps_per_cycle)
+    numerics = chosen(
+        numerics, method=(method, "auto"), rtol=(rtol, 1e-6), chatter_tol=(chatter_tol, None),
+        count_depth=(count_depth, 0.01),
+        max_events_per_cycle=(max_events_per_cycle, 1_000_000),
+        max_steps_per_cycle=(max_steps_per_cycle, 10_000_000))
     wanted = Wanted(cycles="cycles" in observe, strobe=True, impacts="impacts" in observe,
                     tangent="exponents" in observe)
     estimates.require(estimates.sweep_bytes(
@@ -111,9 +110,9 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
         keep_interrupted=keep_interrupted)
     data = _dataset(result, oscillators, parameter, values, starts, wanted, phase,
                     {"contact_law": oscillators[0].contact_law, "settle": settle,
-                     "record": record, "rtol": rtol,
+                     "record": record, "rtol": numerics.rtol,
                      "method": engine.common_method(oscillators, numerics),
-                     "count_depth": count_depth, "interrupted": int(result.interrupted)})
+                     "count_depth": numerics.count_depth, "interrupted": int(result.interrupted)})
     if "spectra" in observe:
         data = _with_spectra(data, result, oscillators * len(starts), numerics, threads)
     if "amplitudes" in observe:
@@ -201,7 +200,7 @@ def _dataset(result, oscillators, parameter, values, starts, wanted, phase, attr
     dataset["status"].attrs.update(
         flag_values=np.array([int(status) for status in Status], dtype=np.int8),
         flag_meanings=" ".join(status.name.lower() for status in Status))
-    dataset[parameter].attrs["units"] = PARAMETER_UNITS.get(parameter, "1")
+    dataset[parameter].attrs["units"] = quantities.parameter(parameter).units
     for name in UNITS.keys() & dataset.variables.keys():
         dataset[name].attrs["units"] = UNITS[name]
     for name, count in work_counts(np.nansum(result.outcome["work"], axis=0)).items():

@@ -8,9 +8,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from lapwing.base.codes import Status
-from lapwing.base.spectra import order_spectrum
 from lapwing.engine import TrajectoryCall, Wanted, position
 from lapwing.engine.records import SAMPLE
+from lapwing.model.harmonic_series import order_spectrum
 
 # Mesh cycles of a spectrum, whose lines are 1/48 of an order apart (those of periods 2, 3, 4, 6,
 # 8, … are among them), and samples in each: the displacement's lines fall with the square of the

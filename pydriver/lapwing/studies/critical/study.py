@@ -8,13 +8,31 @@ from lapwing.studies.critical import run as search
 from lapwing.studies.labels import labels
 
 
+def extent(_):
+    """How much of it there is to tell progress by, and in what unit."""
+    return 100, "%"
+
+
+def failed(dataset):
+    """What failed numerically, in words; empty text, nothing."""
+    runs = int(dataset["trial_failed"].sum()) if "trial_failed" in dataset else 0
+    return f"critical {{}} ({runs} motions)" * bool(runs)
+
+
+def carry_out(deck, study, order, threads, done):
+    """One critical value of a deck, told as done at its end; see `registry`."""
+    found = critical_study(deck, study, threads, done)
+    done(1.0)
+    return found
+
+
 def critical_study(deck, study, threads, done=None):
     """One critical value of a deck.
 
     Parameters
     ----------
     deck : lapwing.deck.Deck
-    study : lapwing.deck.Critical
+    study : lapwing.deck.Asked
     threads : int
     done : callable(fraction) or None
 

@@ -1,0 +1,78 @@
+"""The studies there are, and where the parts of each lie: whoever wants a part asks here.
+
+A study is a group of the deck, of the results, of the summary and of the figures. Its parts:
+
+keys    its keys in a deck, their checks and what follows from them (`deck.declare.StudyKeys`)
+study   how it is carried out: `carry_out(deck, study, order, threads, done)`, `extent(study)` and
+        `failed(dataset)`
+report  `headline(dataset)` in one line, `section(datasets, results)`, lines of the summary, and
+        where all are told together first, `table(datasets)`
+figures modules of `lapwing.plots` with a `draw(dataset, gear_pair, ...)` and, where not every
+        dataset has something to show, a `shows(dataset)`
+
+Parts are named, not imported, so that a deck can be checked without the engine and a figure drawn
+from a stored file without either.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Study:
+    """One kind of study.
+
+    Attributes
+    ----------
+    kind : str, its group in a deck; a group of the result file is `<kind>_<name>`
+    words : str, one of them as `check` counts it
+    keys : str, module and class of its keys
+    study, report : str, modules
+    figures : tuple of str, modules below `lapwing.plots`, in reading order
+    turn, told : int, its place when the studies of a deck are carried out, and in the summary
+    side_by_side : bool, whether several are carried out at once, each by one thread
+    """
+
+    kind: str
+    words: str
+    keys: str
+    study: str
+    report: str
+    figures: tuple[str, ...]
+    turn: int
+    told: int
+    side_by_side: bool = False
+
+    def part(self, name: str) -> Any:
+        """Module of a part, or class where one is named; loaded at the first use."""
+        module, _, member = getattr(self, name).partition(":")
+        module = import_module(f"lapwing.{module}")
+        return getattr(module, member) if member else module
+
+
+# In the order of the deck's reference.
+STUDIES = {study.kind: study for study in (
+    Study("response", "response", "deck.keys.response:ResponseKeys", "studies.response.study",
+          "report.response",
+          ("response.history", "response.phase_portrait", "response.impact_section",
+           "response.spectrum", "response.shaft_motion"), turn=1, told=3, side_by_side=True),
+    Study("sweep", "sweep", "deck.keys.sweep:SweepKeys", "studies.sweep.study", "report.sweep",
+          ("sweep.orbit_diagram", "sweep.deepest_separation", "sweep.staircase",
+           "sweep.amplitudes", "sweep.exponents", "sweep.impact_speed_density",
+           "sweep.waterfall"), turn=3, told=2),
+    Study("critical", "critical value", "deck.keys.critical:CriticalKeys",
+          "studies.critical.study", "report.critical", ("critical_search", "fit_orders"), turn=2,
+          told=1))}
+
+
+def carried_out() -> list[Study]:
+    """The studies in the order they are carried out."""
+    return sorted(STUDIES.values(), key=lambda study: study.turn)
+
+
+def told() -> list[Study]:
+    """The studies in the order of the summary."""
+    return sorted(STUDIES.values(), key=lambda study: study.told)

@@ -1,0 +1,190 @@
+"""How a deck key is declared, once: type, unit, range, default and meaning.
+
+Validation, the template, the reference page and `used.nml` are all made from these classes.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal, get_args, get_origin
+
+from pydantic import BaseModel, ConfigDict, Field
+
+BIG = 2**31 - 2
+
+
+def key(default=..., text="", unit="", example=None, **limits):
+    """A deck key: its default (`...`: required), meaning, unit, example value and limits."""
+    extra = {"unit": unit, "example": example}
+    return Field(default, description=text, json_schema_extra=extra, **limits)
+
+
+class Group(BaseModel):
+    """One namelist group.
+
+    `exclusive` lists sets of keys of which at most one is given; `needed`: one must be given.
+    """
+
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
+    title: ClassVar[str] = ""
+    exclusive: ClassVar[tuple] = ()
+    needed: ClassVar[bool] = True
+    repeatable: ClassVar[bool] = False
+
+
+class OperationKeys(Group):
+    """Torques and speed."""
+
+    title = "torques and speed, for every study that does not set its own"
+    exclusive = (("pinion_speed_rpm", "pinion_speed_rad_s", "mesh_frequency_hz"),)
+    needed = False
+
+    brake_torque: float | None = key(None, "T_l, mean torque braking the gear; may be left out "
+                                     "where every study gives its own", "N·m", 1.8, ge=-1e9,
+                                     le=1e9)
+    drive_torque: float | None = key(None, "T_m, mean torque driving the pinion; left out: the "
+                                     "balance T_l/i12", "N·m", 1.40625, ge=-1e9, le=1e9)
+    pinion_speed_rpm: float | None = key(None, "n1, speed of the pinion", "rev/min", 240.0,
+                                         ge=1e-3, le=1e7)
+    pinion_speed_rad_s: float | None = key(None, "n1, speed of the pinion", "rad/s", 25.13,
+                                           ge=1e-4, le=1e6)
+    mesh_frequency_hz: float | None = key(None, "Z1·n1, tooth passages per second", "Hz", 100.0,
+                                          ge=1e-3, le=1e9)
+
+
+class ValueKeys(Group):
+    """Values of a parameter: a list, or ranges."""
+
+    values: list[Annotated[float, Field(ge=-1e15, le=1e15)]] | None = key(
+        None, "the values themselves", "of the parameter", [0.8, 1.8, 3.3, 5.5, 12.0],
+        min_length=1)
+    from_: list[Annotated[float, Field(ge=-1e15, le=1e15)]] | None = key(
+        None, "where each range begins", "of the parameter", [0.2], alias="from", min_length=1,
+        max_length=100)
+    to: list[Annotated[float, Field(ge=-1e15, le=1e15)]] | None = key(
+        None, "where each range ends, included", "of the parameter", [14.0], min_length=1,
+        max_length=100)
+    count: list[Annotated[int, Field(ge=2, le=100_000)]] | None = key(
+        None, "how many values each range has", "", [691], min_length=1, max_length=100)
+    spacing: Literal["linear", "log"] = key(
+        "linear", "equal steps, or equal ratios; for all ranges")
+
+
+NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
+TORQUES = ("brake_torque", "drive_torque")
+SPEEDS = OperationKeys.exclusive[0]
+OPERATION = tuple(OperationKeys.model_fields)
+RANGES = ("from", "to", "count", "spacing")
+
+
+class StudyKeys(Group):
+    """The keys of a study, and all that follows from them."""
+
+    repeatable: ClassVar[bool] = True
+    # Tolerance where neither the study nor &numerics names one.
+    default_rtol: ClassVar[float] = 1e-6
+    # Optional keys that the template gives a value.
+    chosen: ClassVar[tuple] = ()
+
+    def build(self, builder, reader):
+        """The study as `deck.Asked`, or None; what is wrong goes to `builder.report`.
+
+        Parameters
+        ----------
+        builder : deck.checks.assemble.Studies
+        reader : group reader (`load`)
+        """
+        raise NotImplementedError
+
+    def used(self, asked):
+        """Key -> value as used, None where a key has none."""
+        own = {"rtol": asked.rtol} if "rtol" in type(self).model_fields else {}
+        return self.model_dump(by_alias=True) | own
+
+    def canonical(self, values, asked):
+        """Values used, spelled the same however the deck gave them."""
+        return values
+
+    def memory(self, asked):
+        """Bytes it takes at least, and the keys to lower where there are fewer; None: few."""
+        return None
+
+    def disk(self, asked):
+        """Bytes of its tables in the result file, and how many figures it has at least."""
+        return 0, 0
+
+
+def fields(group):
+    """Key -> field of a group by the deck's spelling; what names a study stands first."""
+    first = (name for name in ("name", "find", "parameter") if name in group.model_fields)
+    order = [*first, *group.model_fields]
+    return {(group.model_fields[name].alias or name): group.model_fields[name]
+            for name in dict.fromkeys(order)}
+
+
+class KeyType:
+    """What a field's annotation and limits say, in a form to print and to test.
+
+    Attributes
+    ----------
+    kind : type, one of int, float, bool, str
+    is_list : bool
+    choices : tuple of str, the allowed texts, or empty
+    limits : dict of 'gt', 'ge', 'lt', 'le'
+    unit : str
+    """
+
+    def __init__(self, field):
+        annotation, metadata = field.annotation, list(field.metadata)
+        parts = [part for part in get_args(annotation) if part is not type(None)]
+        if type(None) in get_args(annotation):
+            annotation = parts[0]
+        self.is_list = get_origin(annotation) is list
+        if self.is_list:
+            annotation = get_args(annotation)[0]
+            if get_origin(annotation) is Annotated:
+                annotation, *inner = get_args(annotation)
+                metadata += [limit for item in inner for limit in item.metadata]
+        self.choices = get_args(annotation) if get_origin(annotation) is Literal else ()
+        self.kind = str if self.choices else annotation
+        self.limits = _limits(metadata)
+        self.unit = (field.json_schema_extra or {}).get("unit", "")
+
+    @property
+    def range(self):
+        """Limits in words, such as `> 0` or `from 0 to 1`."""
+        (low, above), (high, below) = (
+            next(((self._spell(self.limits[name]), name == strict) for name in (strict, other)
+                  if name in self.limits), ("", False))
+            for strict, other in (("gt", "ge"), ("lt", "le")))
+        if not high:
+            return (f"> {low}" if above else f">= {low}") if low else ""
+        return (f"above {low}" if above else f"from {low}") + (
+            f" and below {high}" if below else f" to {high}")
+
+    def _spell(self, limit):
+        return str(limit) if self.kind is int else f"{limit:g}"
+
+    @property
+    def expected(self):
+        """What a value of this key must be, to follow `key = value, expected `."""
+        each = "each " if self.is_list else ""
+        if self.choices:
+            return each + "one of " + ", ".join(f"'{choice}'" for choice in self.choices)
+        if self.kind is bool:
+            return each + ".true. or .false."
+        if self.kind is str:
+            return each + "text in quotes"
+        what = "a whole number" if self.kind is int else "a number"
+        unit = f" ({self.unit})" if self.unit else ""
+        return f"{each}{what} {self.range}".rstrip() + unit
+
+
+def _limits(metadata):
+    """Limits among the metadata of a field; pydantic may pack several into one object."""
+    limits = {}
+    for item in metadata:
+        for name in ("gt", "ge", "lt", "le"):
+            value = getattr(item, name, None)
+            if value is not None:
+                limits[name] = value
+    return limits

@@ -1,0 +1,85 @@
+"""Keys of &sweep."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from lapwing.base import estimates
+from lapwing.deck.checks.magnitudes import warn_of_order, warn_of_torques
+from lapwing.deck.checks.ranges import range_values
+from lapwing.deck.deck import Asked
+from lapwing.deck.declare import NAME_PATTERN, RANGES, StudyKeys, ValueKeys, key
+
+
+class SweepKeys(ValueKeys, StudyKeys):
+    """One parameter over a range of values."""
+
+    title = "one parameter over a range of values; any number of them"
+    chosen = ("from", "to", "count")
+    exclusive = (("values", "from"),)
+
+    name: str = key(text="names its figures and its part of the summary; letters, digits, . _ -",
+                    example="torque", pattern=NAME_PATTERN, max_length=64)
+    parameter: str = key(text="a real number of &gear_pair or &operation, as 'brake_torque' or "
+                         "'operation.brake_torque'", example="brake_torque")
+    starts: list[Literal["rest", "up", "down"]] = key(
+        ["rest", "up", "down"], "each value from rest; carried upwards; carried downwards (the "
+        "first one of those from rest)",
+        min_length=1, max_length=3)
+    settle_cycles: int = key(400, "mesh cycles before recording, at every value", ge=0,
+                             le=10_000_000)
+    record_cycles: int = key(100, "mesh cycles recorded at every value", ge=1, le=100_000)
+    impacts: bool = key(True, "whether phase and speed of every impact are kept")
+    order_spectra: bool = key(False, "whether order spectra are made, for a waterfall of them")
+    amplitudes: bool = key(False, "whether rms and peak to peak of φ and of the dynamic "
+                           "transmission error, and mean and peak mesh force are found, for a "
+                           "figure of them against the parameter")
+    speed_density: bool = key(False, "whether impacts of every speed are counted, for a figure of "
+                              "their density")
+    exponents: bool = key(False, "whether Lyapunov exponents are found, and Floquet multipliers "
+                          "where the motion repeats")
+    rtol: float | None = key(None, "relative tolerance; left out: that of &numerics, else 1e-6",
+                             example=1e-6, ge=1e-13, le=1e-2)
+
+    def build(self, builder, reader):
+        """See `StudyKeys`: the values, and oscillators at both ends of them."""
+        report, name = builder.report, self.parameter.strip().lower()
+        group = builder.parameter(reader, name)
+        values = range_values(reader, report)
+        if group is None or values is None:
+            return None
+        name = name.rpartition(".")[2]
+        starts = tuple(self.starts)
+        if len(set(starts)) != len(starts):
+            report.add(reader.places["starts"], "starts: expected each once")
+        builder.check_values(reader, name, group, values)
+        if not builder.ready:
+            return None
+        operation = {k: v for k, v in builder.operation.items() if k != name}
+        builder.check_ends(reader, name, group, values, operation)
+        warn_of_order(reader, report)
+        if name == "brake_torque":
+            warn_of_torques(reader, builder.pair, operation, values, report)
+        return Asked("sweep", self, operation, builder.rtol(reader),
+                     {"parameter": name, "group": group, "values": values, "starts": starts})
+
+    def used(self, asked):
+        """See `StudyKeys`."""
+        return super().used(asked) | ({"spacing": None} if self.values is not None else {})
+
+    def canonical(self, values, asked):
+        """See `StudyKeys`: the range written out."""
+        values = {name: value for name, value in values.items() if name not in RANGES}
+        return values | {"values": asked.values.tolist(), "starts": list(asked.starts),
+                         "parameter": asked.parameter}
+
+    def memory(self, asked):
+        """See `StudyKeys`."""
+        return (estimates.sweep_bytes(asked.values.size * len(asked.starts), self.record_cycles,
+                                      impacts=self.impacts, exponents=self.exponents),
+                "record_cycles, the number of values or of starts" + ", or impacts" * self.impacts)
+
+    def disk(self, asked):
+        """See `StudyKeys`."""
+        points = asked.values.size * len(asked.starts)
+        return points * self.record_cycles * estimates.STORED_CYCLE, 2

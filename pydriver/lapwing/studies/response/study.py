@@ -1,0 +1,34 @@
+"""A response as a deck asks for it."""
+
+from __future__ import annotations
+
+from lapwing.base.codes import Status
+from lapwing.studies.critical.study import full_engagement
+from lapwing.studies.labels import labels
+from lapwing.studies.response.measured import with_repeats
+from lapwing.studies.response.run import response
+
+
+def extent(_):
+    """How much of it there is to tell progress by, and in what unit."""
+    return 1, "responses"
+
+
+def failed(dataset):
+    """What failed numerically, in words; empty text, nothing."""
+    return "response {}" * (int(dataset.attrs["status"]) != Status.OK)
+
+
+def carry_out(deck, study, order, threads, done):
+    """One response of a deck, by one thread; see `registry`."""
+    result = response(
+        deck.oscillator(study), deck.gear_pair, name=study.name, start=study.start,
+        phase=deck.numerics["start_phase"], settle=study.settle_cycles,
+        record=study.record_cycles, samples_per_cycle=study.samples_per_cycle,
+        exponents=study.exponents,
+        max_period=deck.numerics["max_period"], order=order,
+        claim_impacts_per_cycle=study.claim_impacts_per_cycle,
+        claim_deepest_separation=study.claim_deepest_separation, claim_text=study.claim_text,
+        **deck.numerics_of(study))
+    result = result.assign_attrs(labels(deck, study) | full_engagement(deck, study))
+    return with_repeats(result, deck, study)

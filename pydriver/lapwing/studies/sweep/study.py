@@ -1,0 +1,37 @@
+"""A sweep as a deck asks for it."""
+
+from __future__ import annotations
+
+from lapwing.base.codes import Status
+from lapwing.studies.critical.study import full_engagement
+from lapwing.studies.labels import labels
+from lapwing.studies.sweep.run import sweep
+
+
+def extent(study):
+    """How much of it there is to tell progress by, and in what unit."""
+    return len(study.values) * len(study.starts), "points"
+
+
+def failed(dataset):
+    """What failed numerically, in words; empty text, nothing."""
+    status = dataset["status"]
+    points = int(((status != Status.OK) & (status != Status.UNFINISHED)).sum())
+    return f"sweep {{}} ({points} points)" * bool(points)
+
+
+def carry_out(deck, study, order, threads, done):
+    """One sweep of a deck; Ctrl-C keeps what is finished. See `registry`."""
+    observe = ("cycles", *["impacts"] * study.impacts, *["exponents"] * study.exponents,
+               *["speeds"] * study.speed_density, *["spectra"] * study.order_spectra,
+               *["amplitudes"] * study.amplitudes)
+    result = sweep(
+        deck.gear_pair, deck.te, parameter=study.parameter, values=study.values,
+        starts=study.starts, settle=study.settle_cycles, record=study.record_cycles,
+        observe=observe, phase=deck.numerics["start_phase"], threads=threads, progress=done,
+        keep_interrupted=True, **deck.numerics_of(study), **study.operation)
+    result = result.assign_attrs(labels(deck, study) | full_engagement(deck, study))
+    if not study.impacts:
+        return result
+    # Most of the room for impacts is empty, and is slow to be compressed.
+    return result.isel(impact=slice(0, max(1, int(result["n_impacts"].max()))))
