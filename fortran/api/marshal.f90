@@ -19,7 +19,7 @@ module lapwing_api_marshal
   use lapwing_observers_records, only: recorder_t, start_recording, log_columns, cycle_columns, &
       sample_columns
   use lapwing_run, only: run_to, deadline_in
-  use lapwing_system_start, only: start_as_told
+  use lapwing_system_start, only: start_of_run
   use lapwing_run_checkpoint, only: blob_size, work_size, pack_blob, unpack_blob
   use lapwing_run_sweep, only: sweep_t, line_t, sweep_lines, prepare_sweep, stage_done
   use lapwing_observers_tangent, only: tangent_columns
@@ -170,7 +170,7 @@ contains
     end if
     recorder = recorder_from(reals, choices)
     if (start(1) > -1.5_wp) then
-      state%instant = start_as_told(system, start)
+      state%instant = start_of_run(system, start)
     else
       call unpack_blob(blob, state, recorder%sums, work)
       call start_recording(recorder)

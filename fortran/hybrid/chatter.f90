@@ -51,8 +51,8 @@ contains
     ends = .not. released
   end subroutine remaining_chatter
 
-  !> Whether rebound and next flight are below the resolution of time, so that a pressed tooth
-  !> can only be told to rest.
+  !> Whether rebound and next flight are below the resolution of time: a tooth that is pressed then
+  !> rests.
   pure logical function below_resolution(pressing, speed, period)
     real(wp), intent(in) :: pressing   !! pressing acceleration at the impact
     real(wp), intent(in) :: speed      !! separation speed after it

@@ -66,7 +66,7 @@ contains
     end if
   end subroutine look_ahead
 
-  !> The cycle's first state: where its first stretch of positive length begins.
+  !> The cycle's first state: where its first arc of positive length begins.
   subroutine strobe(self, system, segment)
     type(recorder_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves

@@ -36,7 +36,7 @@ module lapwing_observers_records
     integer :: states_visited = 0              !! bit k: motion state k
     real(wp) :: strobe(3) = 0                  !! motion state, phi, phi' at the cycle's beginning
     real(wp) :: strobe_others(max_states - 2) = 0   !! and the other states
-    real(wp) :: grazes_known_to = -1           !! near-grazes of the stretch up to here are logged
+    real(wp) :: grazes_known_to = -1           !! near-grazes of the arc up to here are logged
     integer :: n_flights = 0                   !! flights of the cycle ended by an impact
     real(wp) :: flight(max_flights) = 0        !! their depths, negative: at the coast flank
     type(tangent_t) :: tangent                 !! tangent map since the cycle began

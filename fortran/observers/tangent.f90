@@ -68,7 +68,7 @@ contains
     end associate
   end function tangent_row
 
-  !> Carry a deviation along the smooth stretch of a segment, or to the end of a summed chatter.
+  !> Carry a deviation along the arc of a segment, or to the end of a summed chatter.
   subroutine carry_along(self, system, deviations, segment)
     type(tangent_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves

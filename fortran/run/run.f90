@@ -29,7 +29,7 @@ contains
   !> Advance until the target, the deadline has come, the log is full, or something has gone wrong.
   !> Everything that happens at the target's own instant belongs to the run.
   !>
-  !> A stretch that would pass the target is looked at (a sample there sees it) and taken back: the
+  !> An arc that would pass the target is looked at (a sample there sees it) and taken back: the
   !> state stays where it began and nothing else of it is recorded. Going on repeats it bit for
   !> bit, so that where a run is cut changes nothing.
   subroutine run_to(system, flow, numerics, target_cycle, target_t, deadline, state, recorder, &
@@ -105,7 +105,7 @@ contains
     state%memory = before%memory
   end subroutine take_back
 
-  !> A last sample exactly where the run ends belongs to no stretch.
+  !> A last sample exactly where the run ends belongs to no arc.
   subroutine sample_end(recorder, system, instant, work)
     type(recorder_t), intent(inout) :: recorder      !! what is recorded
     class(system_t), intent(in) :: system            !! what moves

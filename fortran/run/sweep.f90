@@ -14,7 +14,7 @@ module lapwing_run_sweep
   use lapwing_observers_deviations, only: deviations_of
   use lapwing_observers_records, only: recorder_t, start_recording
   use lapwing_run, only: run_to
-  use lapwing_system_start, only: start_as_told
+  use lapwing_system_start, only: start_of_run
   use lapwing_run_checkpoint, only: pack_blob, unpack_blob, pack_work
   implicit none
   private
@@ -186,7 +186,7 @@ contains
     real(wp) :: begin(4)
     begin = line%start
     if (line%carried .and. line%point /= line%first) begin(:3) = blob(1:3)
-    state%instant = start_as_told(system, begin)
+    state%instant = start_of_run(system, begin)
   end subroutine start_point
 
   !> Settle, then record. A flight under way when recording begins counts whole: the statistics

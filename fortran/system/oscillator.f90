@@ -10,10 +10,9 @@ module lapwing_system_oscillator
       law_rigid, law_absolute, gap_symmetric, gap_one_flank
   use lapwing_flank_series, only: harmonic_series_t, harmonic_series, expand_series, series_at, &
       bound_derivative
-  use lapwing_system_clearance, only: stays_inside
+  use lapwing_system_exclusion, only: stays_inside, leap_over_pieces
   use lapwing_system_frames, only: open_on_piece, open_in_contact, frame_about, &
       distance_in_frame
-  use lapwing_system_flight_leaps, only: leap_over_pieces
   use lapwing_system_parameters, only: parameters_t, natural_angle, felt_jump
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, taylor_shift
   use lapwing_system_spring_stages, only: drive, drive_over_step, spring_stages, flight_stages

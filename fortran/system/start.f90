@@ -7,12 +7,12 @@ module lapwing_system_start
   use lapwing_flank_table, only: locate_piece
   implicit none
   private
-  public :: start_as_told, start_at_rest, start_from
+  public :: start_of_run, start_at_rest, start_from
 
 contains
 
-  !> Start as a caller's four numbers say.
-  function start_as_told(self, start) result(instant)
+  !> Where a run begins: at rest, or in a motion state with phi and phi'.
+  function start_of_run(self, start) result(instant)
     class(oscillator_t), intent(in) :: self  !! oscillator
     real(wp), intent(in) :: start(4)         !! negative: `rest`, or motion state; phi, phi'; phase
     type(instant_t) :: instant
@@ -21,7 +21,7 @@ contains
     else
       instant = start_at_rest(self, start(4))
     end if
-  end function start_as_told
+  end function start_of_run
 
   !> Start `rest`: the tooth rests on the flank that F presses it to, moving with it. A negative F
   !> wants a coast flank.

@@ -248,8 +248,8 @@ contains
   end function approach_velocity
 
   !> Change over a step by the four classical rates, about the first: where the rate is constant it
-  !> is exact, and no rounding of weights adds up over many steps. After the last rate least is left
-  !> to be done.
+  !> is exact, and no rounding of weights adds up over many steps. The last rate enters last, in one
+  !> product and one sum: nothing else waits for it.
   pure elemental real(wp) function change(h, k1, k2, k3, k4)
     real(wp), intent(in) :: h                !! step
     real(wp), intent(in) :: k1, k2, k3, k4   !! rates at begin, twice in the middle, at the end
@@ -297,7 +297,7 @@ contains
   end subroutine stages_by_dispatch
 
   !> A step in contact that certainly stays inside the flank: the state at its end, without a look
-  !> at the flank on the way. A system that knows nothing of the kind lets it be searched.
+  !> at the flank on the way. The default claims nothing: the step is searched.
   pure subroutine stay(self, frame, begin, motion, z_end, y, stays)
     class(system_t), intent(in) :: self
     type(frame_t), intent(in) :: frame           !! frame as opened
@@ -310,7 +310,7 @@ contains
   end subroutine stay
 
   !> Go on in a flight, from the beginning of the frame's piece, over pieces on which it certainly
-  !> meets no flank. A system that knows nothing of the kind stays where it is.
+  !> meets no flank. The default claims nothing: every piece is searched.
   pure subroutine leap(self, motion, frame, touching, clear)
     class(system_t), intent(in) :: self
     type(motion_t), intent(in) :: motion         !! step as a polynomial

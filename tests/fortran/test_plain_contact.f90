@@ -5,7 +5,7 @@ program test_plain_contact
   use assertions, only: tally_t
   use exact_reference, only: seed, uniform, chance, pick, random_table
   use lapwing_hybrid_automaton, only: advance
-  use lapwing_system_clearance, only: no_sooner
+  use lapwing_system_exclusion, only: no_sooner
   use lapwing_codes, only: separation, engagement, law_restitution, law_compliant, gap_one_sided, &
       gap_symmetric, gap_one_flank, status_ok
   use lapwing_flow, only: work_t

@@ -27,7 +27,7 @@ contains
   !> End of a contact: release, or the stop; in a graded scene it may end before, of nothing.
   pure subroutine contact_end(scene, curve, flank, touching, stop, at)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(inout) :: curve      !! stretch; told from a later knot where that is near
+    type(curve_t), intent(inout) :: curve      !! arc; begun anew at a knot that is near
     integer, intent(in) :: flank               !! flank in contact
     logical, intent(in) :: touching            !! whether it begins at zero and goes in
     real(wp), intent(in) :: stop               !! latest end
@@ -75,7 +75,7 @@ contains
   !> for longer.
   pure subroutine graded_contact_end(scene, curve, goal, flank, stop, at)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(inout) :: curve      !! stretch
+    type(curve_t), intent(inout) :: curve      !! arc
     type(target_t), intent(in) :: goal         !! release
     integer, intent(in) :: flank               !! flank in contact
     real(wp), intent(in) :: stop               !! latest end
@@ -116,7 +116,7 @@ contains
     type(scene_t), intent(in) :: scene         !! scene
     type(target_t), intent(inout) :: goal      !! release
     real(wp), intent(in) :: stop               !! latest end
-    type(curve_t), intent(inout) :: curve      !! stretch, told from the last knot crossed
+    type(curve_t), intent(inout) :: curve      !! arc, told from the last knot crossed
     real(wp), intent(out) :: elapsed           !! time until that
     real(wp), intent(out) :: last              !! latest end after it
     logical, intent(out) :: found              !! whether the release comes before it
@@ -173,7 +173,7 @@ contains
 
   !> A contact too short for the spring to matter: the way in and out again.
   pure subroutine short_contact(curve, sign, stop, found, s)
-    type(curve_t), intent(in) :: curve         !! stretch, its series known
+    type(curve_t), intent(in) :: curve         !! arc, its series known
     real(wp), intent(in) :: sign               !! +1 at the drive flank, -1 at the coast flank
     real(wp), intent(in) :: stop               !! latest end
     logical, intent(out) :: found              !! whether it is one
@@ -188,7 +188,7 @@ contains
   !> Release of a contact, panel by panel.
   pure subroutine release(scene, curve, goal, stop, panel, found, s, x, v)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(inout) :: curve      !! stretch
+    type(curve_t), intent(inout) :: curve      !! arc
     type(target_t), intent(in) :: goal         !! release
     real(wp), intent(in) :: stop               !! latest end
     integer, intent(out) :: panel              !! panel of the end
@@ -290,7 +290,7 @@ contains
   !> stays positive.
   pure logical function leaves(scene, curve, panel, sign, to)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch, its series known
+    type(curve_t), intent(in) :: curve         !! arc, its series known
     integer, intent(in) :: panel               !! panel that holds it until `to`
     real(wp), intent(in) :: sign               !! +1 at the drive flank, -1 at the coast flank
     real(wp), intent(in) :: to                 !! time since its beginning
@@ -304,7 +304,7 @@ contains
   pure subroutine only_release(scene, curve, panel, passed, sign, free, b, rest, to, settled, &
       found, s, x, v)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(in) :: curve         !! arc
     integer, intent(in) :: panel               !! panel
     integer, intent(in) :: passed              !! panels since the launch
     real(wp), intent(in) :: sign               !! +1 at the drive flank, -1 at the coast flank
@@ -328,7 +328,7 @@ contains
     s = middle + s
     x = 0
     v = sign*v
-    ! So near to the launch its own series is better.
+    ! So near to its beginning the arc's own series keeps more digits.
     settled = settled .and. s > reach(launch_order)/scene%form%fastest
     found = settled .and. s <= to
   end subroutine only_release

@@ -274,7 +274,7 @@ contains
   !> The curve of a arc told from a flank, its series known.
   pure subroutine curve_from(self, begin, flank, curve)
     class(exact_flow_t), intent(in) :: self
-    type(instant_t), intent(in) :: begin         !! where the stretch begins
+    type(instant_t), intent(in) :: begin         !! where the arc begins
     integer, intent(in) :: flank                 !! flank
     type(curve_t), intent(out) :: curve          !! the curve
     type(instant_t) :: told

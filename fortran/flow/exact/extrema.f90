@@ -1,4 +1,4 @@
-!> What observers ask of a stretch in closed form: where it turns, and how far it goes.
+!> What observers ask of an arc in closed form: where it turns, and how far it goes.
 module lapwing_flow_exact_extrema
   use lapwing_kinds, only: wp
   use lapwing_flow_exact_response, only: locate_panel, free_size
@@ -23,7 +23,7 @@ contains
   !> the flank changes sign.
   pure subroutine next_turn(scene, curve, from, until, found, s)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch, its series known
+    type(curve_t), intent(in) :: curve         !! arc, its series known
     real(wp), intent(in) :: from, until        !! times since its beginning
     logical, intent(out) :: found              !! whether there is one
     real(wp), intent(out) :: s                 !! when
@@ -45,12 +45,12 @@ contains
     end do
   end subroutine next_turn
 
-  !> Largest sign*x over a stretch, if it exceeds `least`; else `least`.
+  !> Largest sign*x over an arc, if it exceeds `least`; else `least`.
   pure real(wp) function farthest(scene, curve, sign, until, least)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch, its series known
+    type(curve_t), intent(in) :: curve         !! arc, its series known
     real(wp), intent(in) :: sign               !! +1: the largest x, -1: the smallest
-    real(wp), intent(in) :: until              !! end of the stretch
+    real(wp), intent(in) :: until              !! end of the arc
     real(wp), intent(in) :: least              !! value known already
     logical :: told
     if (.not. curve%contact) then
@@ -105,9 +105,9 @@ contains
   !> In flight over table pieces, or over a flank that stands: polynomials of degree five.
   pure real(wp) function farthest_over_pieces(scene, curve, sign, until, least) result(most)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch, its series known
+    type(curve_t), intent(in) :: curve         !! arc, its series known
     real(wp), intent(in) :: sign               !! +1: the largest x, -1: the smallest
-    real(wp), intent(in) :: until              !! end of the stretch
+    real(wp), intent(in) :: until              !! end of the arc
     real(wp), intent(in) :: least              !! value known already
     real(wp) :: c(0:max_degree), begin, to, x, v
     integer :: piece
@@ -153,9 +153,9 @@ contains
   !> could hold a larger value than the ends of all of them are searched.
   pure real(wp) function farthest_over_panels(scene, curve, sign, until, least) result(most)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch, its series known
+    type(curve_t), intent(in) :: curve         !! arc, its series known
     real(wp), intent(in) :: sign               !! +1: the largest x, -1: the smallest
-    real(wp), intent(in) :: until              !! end of the stretch
+    real(wp), intent(in) :: until              !! end of the arc
     real(wp), intent(in) :: least              !! value known already
     real(wp) :: begin, finish
     integer :: panel, last
@@ -211,9 +211,9 @@ contains
   !> Raise `most` to the largest sign*x at the ends of blocks, or of panels where there are none.
   pure subroutine look_at_ends(scene, curve, sign, until, most)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch, its series known
+    type(curve_t), intent(in) :: curve         !! arc, its series known
     real(wp), intent(in) :: sign               !! +1 or -1
-    real(wp), intent(in) :: until              !! end of the stretch
+    real(wp), intent(in) :: until              !! end of the arc
     real(wp), intent(inout) :: most            !! largest value
     real(wp) :: finish, x, v
     integer :: last
@@ -251,10 +251,10 @@ contains
   !> from the range of the response and the size of the free oscillation, which never grows.
   pure real(wp) function block_bound(scene, curve, sign, panel, begin, finish) result(bound)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(in) :: curve         !! arc
     real(wp), intent(in) :: sign               !! +1 or -1
     integer, intent(in) :: panel               !! first panel of the block
-    real(wp), intent(in) :: begin, finish      !! times since the stretch began
+    real(wp), intent(in) :: begin, finish      !! times since the arc began
     associate (block => scene%blocks%over((panel - 1)/scene%blocks%panels + 1))
       if (curve%contact) then
         bound = sign*scene%force + free_size(curve%free)
@@ -269,9 +269,9 @@ contains
   pure real(wp) function flight_bound(scene, curve, sign, begin, finish, g_low, g_high) &
       result(bound)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(in) :: curve         !! arc
     real(wp), intent(in) :: sign               !! +1 or -1
-    real(wp), intent(in) :: begin, finish      !! times since the stretch began
+    real(wp), intent(in) :: begin, finish      !! times since the arc began
     real(wp), intent(in) :: g_low, g_high      !! range of g between them
     real(wp) :: low, high
     call range_of_flight(scene, curve, begin, finish, low, high)

@@ -23,9 +23,9 @@ module lapwing_flow_exact_flight
   !> A direction in which nothing is met.
   real(wp), parameter :: least_width = -huge(1.0_wp)
 
-  !> The end of a stretch.
+  !> The end of an arc.
   type :: end_t
-    integer :: flank = no_flank    !! flank met, or none: the stretch may go on
+    integer :: flank = no_flank    !! flank met, or none: the arc may go on
     real(wp) :: s = 0              !! duration
     real(wp) :: x = 0, v = 0       !! position and velocity, of the same flank as the beginning's
   end type end_t
@@ -36,7 +36,7 @@ contains
   !> moving with the flank the flight is told from.
   pure subroutine flight_end(scene, curve, wall, touching, stop, at)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(inout) :: curve      !! stretch
+    type(curve_t), intent(inout) :: curve      !! arc
     real(wp), intent(in) :: wall(2)            !! positions of the flanks; -huge: no coast flank
     integer, intent(in) :: touching            !! flank at zero distance, left at s = 0
     real(wp), intent(in) :: stop               !! latest end
@@ -56,7 +56,7 @@ contains
 
   !> A flight back to the flank it left, too short to be anything else.
   pure subroutine bounce(curve, wall, touching, stop, found, at)
-    type(curve_t), intent(in) :: curve         !! stretch, its series known
+    type(curve_t), intent(in) :: curve         !! arc, its series known
     real(wp), intent(in) :: wall(2)            !! positions of the flanks
     integer, intent(in) :: touching            !! flank left
     real(wp), intent(in) :: stop               !! latest end
@@ -92,7 +92,7 @@ contains
   !> A flight over table pieces: on each the motion is a polynomial.
   pure subroutine flight_over_table(scene, curve, wall, touching, stop, at)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch, its series known
+    type(curve_t), intent(in) :: curve         !! arc, its series known
     real(wp), intent(in) :: wall(2)            !! positions of the flanks
     integer, intent(in) :: touching            !! flank at zero distance, left at s = 0
     real(wp), intent(in) :: stop               !! latest end
@@ -133,7 +133,7 @@ contains
   !> From a piece that begins a block past all blocks on which neither flank can be met.
   pure subroutine pass_blocks(scene, curve, wall, stop, piece)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(in) :: curve         !! arc
     real(wp), intent(in) :: wall(2)            !! positions of the flanks
     real(wp), intent(in) :: stop               !! latest end
     integer, intent(inout) :: piece            !! piece, then the one to be looked at next
@@ -198,7 +198,7 @@ contains
   !> A flight over a harmonic flank: panels, the first one from the launch.
   pure subroutine flight_over_series(scene, curve, wall, touching, stop, at)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(inout) :: curve      !! stretch, its series known
+    type(curve_t), intent(inout) :: curve      !! arc, its series known
     real(wp), intent(in) :: wall(2)            !! positions of the flanks
     integer, intent(in) :: touching            !! flank at zero distance, left at s = 0
     real(wp), intent(in) :: stop               !! latest end
@@ -234,7 +234,7 @@ contains
             out = ruled_out(curve, wall, touching, to, form%g_bound)
           end if
         end associate
-        if (.not. all(out)) call look_closely(scene, curve, panel, wall, &
+        if (.not. all(out)) call search_panel(scene, curve, panel, wall, &
             merge(no_flank, touching, from > 0), from, to, out, at)
         if (at%flank /= no_flank) return
         if (to >= stop .or. panel == form%n) exit
@@ -279,7 +279,7 @@ contains
     if (k <= panel) return
     there = form%edge(k) - t
     height = theta + (here + 0.5_wp*force*(there - from))*(there - from)
-    ! The edge is where it is by this, not by the root.
+    ! The height at the edge decides, not the rounded root.
     if (height >= form%g_low + wall(1) .or. there >= stop) return
     panel = k
     from = there
@@ -289,7 +289,7 @@ contains
   !> The one meeting with a wall within a panel, where it is plain that there is just one.
   pure subroutine meet_only(scene, curve, panel, wall, flank, b, to, out, at)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(in) :: curve         !! arc
     integer, intent(in) :: panel               !! panel
     real(wp), intent(in) :: wall(2)            !! positions of the flanks
     integer, intent(in) :: flank               !! the one that is met
@@ -305,7 +305,7 @@ contains
       call only_zero(c, here%half, sign*(b - wall(flank)), here%g_rest, settled, s, v)
       s = (here%middle - curve%t) + s
     end associate
-    ! So near to the launch its own series is better.
+    ! So near to its beginning the arc's own series keeps more digits.
     if (.not. settled .or. s <= reach(launch_order)/scene%form%fastest) return
     out(flank) = .true.
     if (s <= to) at = end_t(flank, s, wall(flank), sign*v)
@@ -324,7 +324,7 @@ contains
 
   !> Which walls the first part of a flight cannot meet, by its series about the launch.
   pure function ruled_out(curve, wall, touching, to, bound) result(out)
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(in) :: curve         !! arc
     real(wp), intent(in) :: wall(2)            !! positions of the flanks
     integer, intent(in) :: touching            !! flank left at s = 0
     real(wp), intent(in) :: to                 !! end of the part
@@ -347,9 +347,9 @@ contains
   end function ruled_out
 
   !> First meeting, within a panel, with those walls that are not ruled out.
-  pure subroutine look_closely(scene, curve, panel, wall, touching, from, to, out, at)
+  pure subroutine search_panel(scene, curve, panel, wall, touching, from, to, out, at)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(inout) :: curve      !! stretch
+    type(curve_t), intent(inout) :: curve      !! arc
     integer, intent(in) :: panel               !! panel
     real(wp), intent(in) :: wall(2)            !! positions of the flanks
     integer, intent(in) :: touching            !! flank left at s = 0
@@ -370,5 +370,5 @@ contains
       at = end_t(flank, s, x, v)
       latest = s
     end do
-  end subroutine look_closely
+  end subroutine search_panel
 end module lapwing_flow_exact_flight

@@ -1,5 +1,6 @@
-!> Panels and table pieces in a row, bounded together: a stretch over many of them passes most by
-!> the block. With as many to a block as there are blocks, looking at either takes the same time.
+!> Panels and table pieces in a row, bounded together: an arc over many of them passes most by the
+!> block. A block holds the square root of their number, which makes the sum of blocks and members
+!> that are looked at least.
 module lapwing_flow_exact_interval_bounds
   use lapwing_kinds, only: wp
   use lapwing_flow_exact_response, only: closed_form_t
@@ -10,7 +11,7 @@ module lapwing_flow_exact_interval_bounds
   private
   public :: blocks_t, make_blocks
 
-  !> Fewer than this are looked at one by one.
+  !> Fewer than this are looked at one by one. Nothing but speed depends on it.
   integer, parameter :: least_many = 48
 
   !> Bounds over panels in a row.

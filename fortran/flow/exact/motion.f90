@@ -1,6 +1,6 @@
-!> One smooth stretch of motion in closed form: where the tooth is at any time of it.
+!> One smooth arc in closed form: where the tooth is at any time of it.
 !>
-!> Position x and velocity v refer to the flank the stretch is told from: the flank last touched in
+!> Position x and velocity v refer to the flank the arc is told from: the flank last touched in
 !> flight, the flank in contact. In flight x = x0 + v0 s + F s**2/2 less what the flank does; in
 !> contact x = F + q + d (`lapwing_flow_exact_response`). Near the beginning both are taken from
 !> their Taylor series, so that the smallest bounce keeps its relative precision.
@@ -23,7 +23,7 @@ module lapwing_flow_exact_motion
   real(wp), parameter :: over_pairs(2:launch_order) = 1/[2.0_wp, 6.0_wp, 12.0_wp, 20.0_wp, &
       30.0_wp, 42.0_wp, 56.0_wp, 72.0_wp, 90.0_wp, 110.0_wp, 132.0_wp, 156.0_wp]
 
-  !> What all stretches of an oscillator have in common.
+  !> What all arcs of an oscillator have in common.
   type :: scene_t
     real(wp) :: force = 1                 !! F
     type(te_table_t), pointer :: table => null()   !! g as a table, the system's own
@@ -31,7 +31,7 @@ module lapwing_flow_exact_motion
     type(blocks_t) :: blocks              !! and bounded together, where there is much of it
   end type scene_t
 
-  !> One stretch.
+  !> One arc.
   type :: curve_t
     logical :: contact = .false.          !! in contact, or in flight
     logical :: moving = .true.            !! whether the flank moves with g
@@ -49,7 +49,7 @@ module lapwing_flow_exact_motion
 
 contains
 
-  !> Begin a stretch.
+  !> Begin an arc.
   pure subroutine launch(scene, contact, moving, t, piece, x, v, curve)
     type(scene_t), intent(in) :: scene         !! scene
     logical, intent(in) :: contact             !! in contact, or in flight
@@ -57,7 +57,7 @@ contains
     real(wp), intent(in) :: t                  !! time in the cycle
     integer, intent(in) :: piece               !! table piece that holds t
     real(wp), intent(in) :: x, v               !! position and velocity
-    type(curve_t), intent(inout) :: curve      !! the stretch; not `out`, which would fill it twice
+    type(curve_t), intent(inout) :: curve      !! the arc; not `out`, which would fill it twice
     real(wp) :: q(2)
     curve%near = -1
     curve%degree = -1
@@ -102,7 +102,7 @@ contains
     call jet(n_taylor, panel%q, t - panel%middle, q(1), q(2), bend)
   end function response_on
 
-  !> The Taylor series of a stretch about its beginning, and how far it reaches: as many terms as a
+  !> The Taylor series of an arc about its beginning, and how far it reaches: as many terms as a
   !> quick return needs, if there might be one.
   pure subroutine expand_launch(scene, curve)
     type(scene_t), intent(in) :: scene         !! scene
@@ -129,10 +129,10 @@ contains
     if (goes_on(scene, curve)) call expand_up_to(scene, curve, launch_order)
   end subroutine expand_fully
 
-  !> Whether a stretch's series goes on after the sixth term.
+  !> Whether an arc's series goes on after the sixth term.
   pure logical function goes_on(scene, curve)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(in) :: curve         !! arc
     goes_on = curve%contact .or. (scene%form%harmonic .and. curve%moving)
   end function goes_on
 
@@ -178,7 +178,7 @@ contains
     call set_reach(scene, curve)
   end subroutine expand_up_to
 
-  !> How far a stretch's series reaches.
+  !> How far an arc's series reaches.
   pure subroutine set_reach(scene, curve)
     type(scene_t), intent(in) :: scene         !! scene
     type(curve_t), intent(inout) :: curve      !! its reach is set
@@ -188,17 +188,17 @@ contains
     curve%near = min(curve%near, to_knot(scene, curve))
   end subroutine set_reach
 
-  !> Rate that bounds the reach of a stretch's series.
+  !> Rate that bounds the reach of an arc's series.
   pure real(wp) function fastest(scene, curve)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(in) :: curve         !! arc
     fastest = scene%form%fastest
     if (.not. curve%contact) fastest = scene%form%fastest_in_flight
   end function fastest
 
   pure real(wp) function to_knot(scene, curve)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(in) :: curve         !! arc
     to_knot = scene%table%knot(curve%piece + 1) - curve%t
   end function to_knot
 
@@ -245,7 +245,7 @@ contains
   !> Position and velocity at s. `panel` holds t + s; at its end the values before any jump.
   pure subroutine curve_at(scene, curve, panel, s, x, v)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(in) :: curve         !! arc
     integer, intent(in) :: panel               !! panel (in contact, with a table)
     real(wp), intent(in) :: s                  !! time since its beginning
     real(wp), intent(out) :: x, v              !! position and velocity
@@ -282,7 +282,7 @@ contains
   !> The same in contact: F + q + d.
   pure subroutine contact_at(scene, curve, panel, s, x, v)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(in) :: curve         !! arc
     integer, intent(in) :: panel               !! panel that holds t + s
     real(wp), intent(in) :: s                  !! time since its beginning
     real(wp), intent(out) :: x, v              !! position and velocity
@@ -304,10 +304,10 @@ contains
   !> panel, which holds t + s, or begins there.
   pure subroutine curve_taylor(scene, curve, panel, at_edge, s, c, rest)
     type(scene_t), intent(in) :: scene             !! scene
-    type(curve_t), intent(in) :: curve             !! stretch
+    type(curve_t), intent(in) :: curve             !! arc
     integer, intent(in) :: panel                   !! panel
     logical, intent(in) :: at_edge                 !! whether it begins at s
-    real(wp), intent(in) :: s                      !! time since the stretch began
+    real(wp), intent(in) :: s                      !! time since the arc began
     real(wp), intent(out) :: c(0:max_degree)       !! coefficients
     real(wp), intent(out) :: rest                  !! bound
     real(wp) :: g(0:max_degree), q(2), x, v
@@ -340,7 +340,7 @@ contains
   !> Position and velocity in flight where the flank is known.
   pure subroutine fly_from(scene, curve, s, g, slope, x, v)
     type(scene_t), intent(in) :: scene             !! scene
-    type(curve_t), intent(in) :: curve             !! stretch
+    type(curve_t), intent(in) :: curve             !! arc
     real(wp), intent(in) :: s                      !! time since it began
     real(wp), intent(in) :: g, slope               !! flank's position and velocity
     real(wp), intent(out) :: x, v                  !! position and velocity
@@ -353,7 +353,7 @@ contains
   !> Position and velocity in contact where the response is known.
   pure subroutine add_free_part(scene, curve, s, q, x, v)
     type(scene_t), intent(in) :: scene             !! scene
-    type(curve_t), intent(in) :: curve             !! stretch
+    type(curve_t), intent(in) :: curve             !! arc
     real(wp), intent(in) :: s                      !! time since it began
     real(wp), intent(in) :: q(2)                   !! response and its rate
     real(wp), intent(out) :: x, v                  !! position and velocity
@@ -367,9 +367,9 @@ contains
   !> grows, and in a graded scene may have died out by then.
   pure real(wp) function rest_after(scene, curve, panel, s) result(rest)
     type(scene_t), intent(in) :: scene             !! scene
-    type(curve_t), intent(in) :: curve             !! stretch
+    type(curve_t), intent(in) :: curve             !! arc
     integer, intent(in) :: panel                   !! panel
-    real(wp), intent(in) :: s                      !! time since the stretch began
+    real(wp), intent(in) :: s                      !! time since the arc began
     type(lasting_t) :: left
     rest = 0
     if (curve%contact) then
@@ -388,7 +388,7 @@ contains
   !> x'' where position and velocity are known.
   pure real(wp) function acceleration_at(scene, curve, panel, s, x, v) result(a)
     type(scene_t), intent(in) :: scene             !! scene
-    type(curve_t), intent(in) :: curve             !! stretch
+    type(curve_t), intent(in) :: curve             !! arc
     integer, intent(in) :: panel                   !! panel that holds t + s
     real(wp), intent(in) :: s                      !! time since its beginning
     real(wp), intent(in) :: x, v                   !! position and velocity there

@@ -14,7 +14,7 @@ contains
   !> d and d' in the middle of the panel that holds the launch, which may lie before it.
   pure function free_in_middle(scene, curve, panel) result(free)
     type(scene_t), intent(in) :: scene             !! scene
-    type(curve_t), intent(in) :: curve             !! stretch
+    type(curve_t), intent(in) :: curve             !! arc
     integer, intent(in) :: panel                   !! panel
     real(wp) :: free(2), matrix(2, 2)
     matrix = near_matrix(scene%form%damping, scene%form%panel(panel)%middle - curve%t)
@@ -38,7 +38,7 @@ contains
   !> The same, of sign*(x - wall), in a flight over a series.
   pure subroutine flight_series(scene, curve, panel, sign, wall, c)
     type(scene_t), intent(in) :: scene             !! scene
-    type(curve_t), intent(in) :: curve             !! stretch
+    type(curve_t), intent(in) :: curve             !! arc
     integer, intent(in) :: panel                   !! panel
     real(wp), intent(in) :: sign                   !! +1 or -1
     real(wp), intent(in) :: wall                   !! position
@@ -71,7 +71,7 @@ contains
   !> chord, no farther from it than acceleration*duration**2/8.
   pure subroutine range_of_flight(scene, curve, begin, finish, low, high)
     type(scene_t), intent(in) :: scene             !! scene
-    type(curve_t), intent(in) :: curve             !! stretch
+    type(curve_t), intent(in) :: curve             !! arc
     real(wp), intent(in) :: begin, finish          !! times since it began
     real(wp), intent(out) :: low, high             !! bounds of x + g
     real(wp) :: first, last, rate, sag

@@ -1,4 +1,4 @@
-!> Where a smooth stretch first meets a position, or first turns, with a guarantee.
+!> Where a arc first meets a position, or first turns, with a guarantee.
 !>
 !> Around any time the motion is a polynomial of degree five and a remainder that is bounded. Less
 !> that bound, the polynomial's Bernstein coefficients tell up to where there can be no zero: the
@@ -28,7 +28,7 @@ module lapwing_flow_exact_root_search
   !> Each shrinks the time by this factor, the remainder by its sixth power: five of them take any
   !> remainder below rounding.
   real(wp), parameter :: shrink = 0.125_wp
-  !> Searches of a stretch; never used up, for each either shrinks the time or moves on by it.
+  !> Searches of an arc; never used up, for each either shrinks the time or moves on by it.
   integer, parameter :: max_searches = 10000
   integer, parameter :: max_newton = 12
   !> Of a zero that is only a guess, over the time searched; it is found early rather than late.
@@ -43,11 +43,11 @@ contains
   pure subroutine first_meeting(scene, curve, panel, from_edge, goal, from, to, found, s, &
       x, v)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(in) :: curve         !! arc
     integer, intent(in) :: panel               !! panel that holds the times
     logical, intent(in) :: from_edge           !! whether it begins at the first of them
     type(target_t), intent(in) :: goal         !! what is looked for
-    real(wp), intent(in) :: from, to           !! times since the stretch began
+    real(wp), intent(in) :: from, to           !! times since the arc began
     logical, intent(out) :: found              !! whether there is one
     real(wp), intent(out) :: s                 !! when
     real(wp), intent(out) :: x, v              !! position and velocity then
@@ -163,10 +163,10 @@ contains
   !> First time after `from` where the velocity relative to the flank changes sign.
   pure subroutine first_turn(scene, curve, panel, at_turn, from, to, found, s)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(in) :: curve         !! arc
     integer, intent(in) :: panel               !! panel that holds the times
     logical, intent(in) :: at_turn             !! whether `from` is such a time
-    real(wp), intent(in) :: from, to           !! times since the stretch began
+    real(wp), intent(in) :: from, to           !! times since the arc began
     logical, intent(out) :: found              !! whether there is one
     real(wp), intent(out) :: s                 !! when
     type(target_t) :: goal
@@ -178,10 +178,10 @@ contains
   !> The target of that search.
   pure function turn_after(scene, curve, panel, at_turn, from) result(goal)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(in) :: curve         !! arc
     integer, intent(in) :: panel               !! panel that holds the time
     logical, intent(in) :: at_turn             !! whether `from` is a turn
-    real(wp), intent(in) :: from               !! time since the stretch began
+    real(wp), intent(in) :: from               !! time since the arc began
     type(target_t) :: goal
     real(wp) :: x, v
     call curve_at(scene, curve, panel, from, x, v)
@@ -194,11 +194,11 @@ contains
   !> Taylor coefficients of the target, and the bound of what they leave out per power of time.
   pure subroutine expand_goal(scene, curve, panel, at_edge, goal, at, f, rest)
     type(scene_t), intent(in) :: scene             !! scene
-    type(curve_t), intent(in) :: curve             !! stretch
+    type(curve_t), intent(in) :: curve             !! arc
     integer, intent(in) :: panel                   !! panel
     logical, intent(in) :: at_edge                 !! whether it begins at `at`
     type(target_t), intent(in) :: goal             !! what is looked for
-    real(wp), intent(in) :: at                     !! time since the stretch began
+    real(wp), intent(in) :: at                     !! time since the arc began
     real(wp), intent(out) :: f(0:max_degree)       !! coefficients
     real(wp), intent(out) :: rest                  !! bound
     real(wp) :: c(0:max_degree)
@@ -281,7 +281,7 @@ contains
   !> is exact so near. `polished` tells whether it was near enough, and within the bracket.
   pure subroutine polish(scene, curve, panel, goal, least, guess, most, polished, s, x, v)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(in) :: curve         !! arc
     integer, intent(in) :: panel               !! panel
     type(target_t), intent(in) :: goal         !! what is looked for
     real(wp), intent(in) :: least, guess, most !! bracket and guess

@@ -15,7 +15,7 @@ module lapwing_flow_exact_slow_contact
   private
   public :: slow_meeting, slow_turn, slow_farthest, panel_in_contact
 
-  !> Close looks of one search; a contact that needs more goes on as a new stretch.
+  !> Close looks of one search; a contact that needs more goes on as a new arc.
   integer, parameter :: max_looks = 2000
   !> A close look lasts so many times what d takes to change by its own size.
   real(wp), parameter :: look_span = 16
@@ -27,9 +27,9 @@ contains
   !> First meeting of a target between two times, or how far it was looked for.
   pure subroutine slow_meeting(scene, curve, goal, from, stop, panel, found, s)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(in) :: curve         !! arc
     type(target_t), intent(in) :: goal         !! what is looked for
-    real(wp), intent(in) :: from, stop         !! times since the stretch began
+    real(wp), intent(in) :: from, stop         !! times since the arc began
     integer, intent(inout) :: panel            !! panel that holds `from`; then s
     logical, intent(out) :: found              !! whether it is met
     real(wp), intent(out) :: s                 !! when; else nothing is met up to here
@@ -53,7 +53,7 @@ contains
   !> The same on one panel, from s on.
   pure subroutine meet_on_panel(scene, curve, panel, goal, to, looks, found, s)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(in) :: curve         !! arc
     integer, intent(in) :: panel               !! panel
     type(target_t), intent(in) :: goal         !! what is looked for
     real(wp), intent(in) :: to                 !! latest time, on the panel
@@ -87,7 +87,7 @@ contains
   !> Time for which nothing can be met: what is slow stays farther away than what is left of d.
   pure real(wp) function safe_time(scene, curve, panel, goal, left, s, to) result(safe)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(in) :: curve         !! arc
     integer, intent(in) :: panel               !! panel
     type(target_t), intent(in) :: goal         !! what is looked for
     type(lasting_t), intent(in) :: left        !! what is left of d at s
@@ -109,9 +109,9 @@ contains
   !> power of time.
   pure subroutine slow_part(scene, curve, panel, s, rate, c, rest)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(in) :: curve         !! arc
     integer, intent(in) :: panel               !! panel
-    real(wp), intent(in) :: s                  !! time since the stretch began
+    real(wp), intent(in) :: s                  !! time since the arc began
     logical, intent(in) :: rate                !! whether q' is meant
     real(wp), intent(out) :: c(0:max_degree)   !! coefficients
     real(wp), intent(out) :: rest              !! bound
@@ -133,11 +133,11 @@ contains
     end if
   end subroutine slow_part
 
-  !> Panel that holds a time of a stretch. In a contact that stops at its knot, as in a graded scene
+  !> Panel that holds a time of an arc. In a contact that stops at its knot, as in a graded scene
   !> with a table, the one that ends there: the next one's q is another.
   pure integer function panel_in_contact(scene, curve, s) result(panel)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(in) :: curve         !! arc
     real(wp), intent(in) :: s                  !! time since it began
     panel = locate_panel(scene%form, curve%t + s)
     if (.not. scene%form%graded .or. scene%form%harmonic .or. .not. curve%contact) return
@@ -149,7 +149,7 @@ contains
   !> First time after `from`, which is zero or such a time itself, where the velocity changes sign.
   pure subroutine slow_turn(scene, curve, from, until, found, s)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(in) :: curve         !! arc
     real(wp), intent(in) :: from, until        !! times since its beginning
     logical, intent(out) :: found              !! whether there is one
     real(wp), intent(out) :: s                 !! when
@@ -167,13 +167,13 @@ contains
     end do
   end subroutine slow_turn
 
-  !> Largest sign*x over a stretch, if it exceeds `least`; else `least`. Turn by turn, until what is
+  !> Largest sign*x over an arc, if it exceeds `least`; else `least`. Turn by turn, until what is
   !> slow and what is left of d cannot exceed the largest found.
   pure real(wp) function slow_farthest(scene, curve, sign, until, least) result(most)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(in) :: curve         !! arc
     real(wp), intent(in) :: sign               !! +1: the largest x, -1: the smallest
-    real(wp), intent(in) :: until              !! end of the stretch
+    real(wp), intent(in) :: until              !! end of the arc
     real(wp), intent(in) :: least              !! value known already
     real(wp) :: s, x, v
     logical :: found
@@ -191,7 +191,7 @@ contains
   !> Upper bound of sign*x between two times.
   pure real(wp) function highest(scene, curve, sign, from, until)
     type(scene_t), intent(in) :: scene         !! scene
-    type(curve_t), intent(in) :: curve         !! stretch
+    type(curve_t), intent(in) :: curve         !! arc
     real(wp), intent(in) :: sign               !! +1 or -1
     real(wp), intent(in) :: from, until        !! times since it began
     type(lasting_t) :: left

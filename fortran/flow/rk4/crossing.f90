@@ -124,7 +124,8 @@ contains
       move = distance/approach
       if (abs(move) >= 0.5_wp*last_move) return
       if (abs(move) <= 4*epsilon(s)*s) then
-        ! Below the resolution of time, but left out of the state it would be energy lost.
+        ! The rest of the way is below the resolution of time, but not of the state: without it
+        ! every event would lose some energy.
         call system%derivatives(frame, motion_state, s, z_event(1:system%n_states), &
             rate(1:system%n_states))
         z_event = z_event + move*rate
