@@ -98,6 +98,9 @@ def test_without_an_interval_there_is_no_plus_minus(responses):
 @pytest.mark.parametrize("module", plots.FIGURES["response"])
 def test_every_figure_of_a_response_shows_results_alone(responses, name, damage, module):
     data = damage(responses[name])
+    if not plots.shows(module, data):
+        assert module == "response.shaft_motion"
+        return
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         figure = plots.figure_module(module).draw(data, GEAR)

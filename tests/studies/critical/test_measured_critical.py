@@ -9,7 +9,7 @@ from lapwing import critical_full
 from lapwing.deck import load_deck
 from lapwing.model.curve.interval import force_bounds, repeat_interval
 from lapwing.studies.critical.measured import high_orders
-from lapwing.studies.critical.of_deck import critical_study, full_engagement
+from lapwing.studies.critical.study import critical_study, full_engagement
 from measured import TRUTH, write_csv
 
 DECK = Path(__file__).parents[2] / "deck" / "accepted" / "measured.nml"

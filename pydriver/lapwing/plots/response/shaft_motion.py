@@ -8,12 +8,12 @@ from lapwing.plots import style
 from lapwing.plots.response.trajectory import cycles_recorded, cycles_shown
 
 
-@style.house_style()
 def shows(response):
     """Whether there are two degrees of freedom."""
     return bool("pinion_speed" in response)
 
 
+@style.house_style()
 def draw(response, gear_pair):
     """Draw the mean speed over the record, and both shafts' speeds about it in the last cycles.
 
@@ -27,11 +27,11 @@ def draw(response, gear_pair):
     matplotlib.figure.Figure
     """
     figure = style.new_figure(9.5, 6.4)
-    axes = figure.subplots(3, 1)
     figure.suptitle(style.describe(response))
     if style.failed(response):
-        style.nothing(axes[0], style.motion(response.attrs), x=True)
+        style.nothing(figure.subplots(), style.motion(response.attrs), x=True)
         return figure
+    axes = figure.subplots(3, 1)
     record = cycles_recorded(response)
     _mean(axes[0], response, record)
     first = record - cycles_shown(response, repeats=2, aperiodic=8)
