@@ -128,17 +128,16 @@ def numbers(folder: Path) -> dict[str, bytes] | None:
         return None
     found = {}
     try:
-        file = netCDF4.Dataset(path)
-    except OSError:
+        with netCDF4.Dataset(path) as file:
+            for group in (file, *file.groups.values()):
+                for name, variable in group.variables.items():
+                    variable.set_auto_maskandscale(False)
+                    values = np.asarray(variable[...])
+                    text = values.dtype.kind in "OU"
+                    found[f"{group.path}/{name}"] = repr(values.tolist()).encode() if text \
+                        else values.tobytes()
+    except (OSError, RuntimeError):
         return {"unreadable": b""}
-    with file:
-        for group in (file, *file.groups.values()):
-            for name, variable in group.variables.items():
-                variable.set_auto_maskandscale(False)
-                values = np.asarray(variable[...])
-                text = values.dtype.kind in "OU"
-                found[f"{group.path}/{name}"] = repr(values.tolist()).encode() if text \
-                    else values.tobytes()
     return found
 
 
