@@ -133,7 +133,7 @@ def test_force_replaces_and_override_is_recorded(tmp_path, no_figures):
 
 def test_used_deck_reads_back(finished, tmp_path):
     _, out, _ = finished
-    assert call("check", out / "small" / "used.nml").exit_code == OK
+    assert call("check", "--no-time", out / "small" / "used.nml").exit_code == OK
 
 
 def test_threads_change_no_number(finished, tmp_path, no_figures):
@@ -193,7 +193,7 @@ def test_new_writes_a_good_deck_and_never_overwrites(tmp_path):
     deck = tmp_path / "mine.nml"
     assert call("new", deck).exit_code == OK
     text = deck.read_text(encoding="utf-8")
-    assert call("check", deck).exit_code == OK
+    assert call("check", "--no-time", deck).exit_code == OK
     assert call("new", deck).exit_code == BAD_INPUT
     assert deck.read_text(encoding="utf-8") == text
     assert call("new").output == text
@@ -219,7 +219,7 @@ def test_plot_refuses_what_is_no_result(tmp_path):
 
 
 def test_shipped_decks_are_good():
-    result = call("check", *sorted(INPUTS.glob("*.nml")))
+    result = call("check", "--no-time", *sorted(INPUTS.glob("*.nml")))
     assert result.exit_code == OK, result.output
 
 
@@ -352,9 +352,9 @@ def shell(line, **setting):
 
 
 @pytest.mark.parametrize(("line", "code"), [
-    ('"$PYTHON" -m lapwing check "$DECK" > /dev/full', 3),
-    ('"$PYTHON" -m lapwing check "$DECK" >&-', 0),
-    ('"$PYTHON" -m lapwing check "$DECK" >&- 2>&- <&-', 0),
+    ('"$PYTHON" -m lapwing check --no-time "$DECK" > /dev/full', 3),
+    ('"$PYTHON" -m lapwing check --no-time "$DECK" >&-', 0),
+    ('"$PYTHON" -m lapwing check --no-time "$DECK" >&- 2>&- <&-', 0),
     ('"$PYTHON" -m lapwing check nosuch.nml 2>&-', 2),
     ('"$PYTHON" -m lapwing nosuch', 2), ('"$PYTHON" -m lapwing run', 2),
     ('"$PYTHON" -m lapwing run "$DECK" --out /proc/nosuch', 2),
@@ -375,7 +375,7 @@ def test_a_printed_deck_is_utf_8_in_a_file(tmp_path, encoding):
 
 def test_a_deck_whose_name_is_no_text_is_told(tmp_path):
     deck = write_deck(tmp_path).rename(Path(os.fsdecode(os.fsencode(tmp_path) + b"/d\xff.nml")))
-    for words, code in ((["check"], 0), (["run", "--out", tmp_path / "r"], 2)):
+    for words, code in ((["check", "--no-time"], 0), (["run", "--out", tmp_path / "r"], 2)):
         done = subprocess.run([sys.executable, "-m", "lapwing", words[0], deck, *words[1:]],
                               capture_output=True, check=False)
         assert done.returncode == code and b"Traceback" not in done.stderr, done.stderr
@@ -439,7 +439,7 @@ def test_critical_values_of_a_run(tmp_path, no_figures):
     deck.write_text(deck.read_text() + CRITICAL, encoding="utf-8")
     result = call("run", deck, "--out", tmp_path / "out", "--threads", 1)
     assert result.exit_code == OK and "T_full: contact can be kept above T_full = " in result.output
-    assert "2 critical values" in call("check", deck).output
+    assert "2 critical values" in call("check", "--no-time", deck).output
     with read_results(tmp_path / "out" / "small" / "result.nc") as results:
         assert results.criticals == ("T_full", "T_safe")
         assert results.critical("T_safe").attrs["outcome"] == "safe_throughout"

@@ -31,7 +31,7 @@ elif place == "end":
         def __del__(self):
             send()
     sys.late = Late()
-sys.argv = ["lapwing", "check", {deck!r}]
+sys.argv = ["lapwing", "check", "--no-time", {deck!r}]
 runpy.run_module("lapwing", run_name="__main__", alter_sys=True)
 """
 

@@ -3,8 +3,9 @@
 A study is a group of the deck, of the results, of the summary and of the figures. Its parts:
 
 keys    its keys in a deck, their checks and what follows from them (`deck.declare.StudyKeys`)
-study   how it is carried out: `carry_out(deck, study, order, threads, done)`, `extent(study)` and
-        `failed(dataset)`
+study   how it is carried out: `carry_out(deck, study, order, threads, done)`, `extent(study)`,
+        `failed(dataset)`, and how long it takes: `estimate(deck, study, seconds, clock, threads)`,
+        the fields of `studies.cost.Stage` after its name
 report  `headline(dataset)` in one line, `section(datasets, results)`, lines of the summary, and
         where all are told together first, `table(datasets)`
 figures modules of `lapwing.plots` with a `draw(dataset, gear_pair, ...)` and, where not every

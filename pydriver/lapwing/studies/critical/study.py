@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 from lapwing.engine import Numerics
+from lapwing.studies import cost
 from lapwing.studies.critical import measured
 from lapwing.studies.critical import run as search
+from lapwing.studies.critical.starts import follow, start_grid
 from lapwing.studies.labels import labels
+from lapwing.studies.sweep.run import oscillator_at
 
 
 def extent(_):
@@ -61,6 +66,43 @@ def critical_study(deck, study, threads, done=None):
         return measured.with_repeats(found, deck, study, lambda te, told: find(
             deck.gear_pair, te, **{**options, "progress": told}), done)
     return found
+
+
+def estimate(deck, study, seconds, clock, threads):
+    """How long it takes, as `cost.Stage` has it after its name.
+
+    A closed form is carried out, a search for back impacts tried at some values (`cost.rates`). How
+    many values a search for rattling tries is known by the run alone: it tells the time of one.
+    """
+    begun = clock()
+    if study.find == "safe":
+        motions = rattling_at(deck, study, 1)
+        each = (clock() - begun) / min(threads, motions)
+        return math.nan, math.nan, 0.0, f"about {cost.spell(each)} for each value that it tries"
+    if study.find == "back":
+        low, high, tried = cost.rates(
+            lambda values: critical_study(deck, cost.changed(study, values=values), 1),
+            study.values, seconds, clock)
+        return (*(rate * len(study.values) / threads for rate in (low, high)),
+                tried / len(study.values))
+    critical_study(deck, study, 1)
+    taken = clock() - begun
+    return taken, taken, 1.0
+
+
+def rattling_at(deck, study, threads):
+    """Follow the grid of starts of a search for rattling at its first value, and nothing more.
+
+    Returns
+    -------
+    int, how many motions were followed
+    """
+    value = float(study.values[-1 if study.safe_end == "high" else 0])
+    osc = oscillator_at(deck.gear_pair, deck.te, study.parameter, value, study.operation)
+    starts = start_grid(osc, search.StartGrid(*study.starts), deck.numerics["start_phase"])
+    follow([osc] * len(starts), starts, study.settle_cycles, study.record_cycles,
+           numerics=Numerics(**deck.numerics_of(study)), threads=threads)
+    return len(starts)
 
 
 def full_engagement(deck, study):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lapwing.base.codes import Status
+from lapwing.studies import cost
 from lapwing.studies.critical.study import full_engagement
 from lapwing.studies.labels import labels
 from lapwing.studies.response.measured import with_repeats
@@ -32,3 +33,11 @@ def carry_out(deck, study, order, threads, done):
         **deck.numerics_of(study))
     result = result.assign_attrs(labels(deck, study) | full_engagement(deck, study))
     return with_repeats(result, deck, study)
+
+
+def estimate(deck, study, seconds, clock, threads):
+    """How long it takes, from a part of its cycles; see `cost.growth`."""
+    return cost.growth(
+        lambda settle, record: carry_out(
+            deck, cost.changed(study, settle_cycles=settle, record_cycles=record), 0, 1, None),
+        study.settle_cycles, study.record_cycles, seconds, clock)

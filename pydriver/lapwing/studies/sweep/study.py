@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lapwing.base.codes import Status
+from lapwing.studies import cost
 from lapwing.studies.critical.study import full_engagement
 from lapwing.studies.labels import labels
 from lapwing.studies.sweep.run import sweep
@@ -35,3 +36,18 @@ def carry_out(deck, study, order, threads, done):
         return result
     # Most of the room for impacts is empty, and is slow to be compressed.
     return result.isel(impact=slice(0, max(1, int(result["n_impacts"].max()))))
+
+
+def estimate(deck, study, seconds, clock, threads):
+    """How long it takes, from some values from rest; see `cost.rates`.
+
+    What is carried from value to value is one motion, as long as all of them.
+    """
+    start = "rest" if "rest" in study.starts else study.starts[0]
+    low, high, points = cost.rates(
+        lambda values: carry_out(
+            deck, cost.changed(study, values=values, starts=(start,)), 0, 1, None),
+        study.values, seconds, clock)
+    motions = len(study.values) * len(study.starts)
+    line = len(study.values) if {"up", "down"} & set(study.starts) else 1
+    return (*(rate * max(motions / threads, line) for rate in (low, high)), points / motions)
