@@ -152,6 +152,8 @@ def shipped():
         deck = load_deck(path)
         for study in deck.responses or (*deck.sweeps, *deck.criticals):
             given = {"brake_torque": 3.0, **deck.operation, **study.operation}
+            if study.kind != "response" and study.group == "operation" and study.values is not None:
+                given[study.parameter] = float(study.values[0])
             given = {key: value for key, value in given.items() if key != "drive_torque"}
             if given["contact_law"] != "rigid":
                 yield pytest.param(deck, given, id=f"{path.stem}-{study.name}")
