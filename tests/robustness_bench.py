@@ -37,7 +37,7 @@ ONE_FIGURE = """
 import sys
 from lapwing import plots
 from lapwing.__main__ import main
-plots.RESPONSE_FIGURES, plots.SWEEP_FIGURES = (), ()
+plots.FIGURES.update(dict.fromkeys(plots.FIGURES, ()))
 sys.argv[0] = "lapwing"
 main()
 """
@@ -86,7 +86,7 @@ class Bench:
         """Start a run, in a process group of its own and with the usual reaction to Ctrl-C."""
         decks = [str(self.deck(torque, stem)) for stem in stems]
         words = [sys.executable, "-c", ONE_FIGURE, "run", *decks, "--out", str(out),
-                 "--threads", "2", *options]
+                 "--threads", "2", "--figures", "all", *options]
         return subprocess.Popen(
             words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
             env=os.environ | {MARK: str(out)}, start_new_session=True,

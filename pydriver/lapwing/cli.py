@@ -116,14 +116,12 @@ def check(decks: Decks, setting: Settings = [],  # noqa: B006
           threads: Annotated[int, typer.Option(
               min=0, help="threads that the time is estimated for; 0: as run takes them")] = 0,
           timing: Annotated[bool, typer.Option(
-              "--time/--no-time", help="estimate the time from a few points, for a second or two; "
-                                       "else nothing is computed")] = True):
+              "--time/--no-time", help="estimate the time, computing for a second or two")] = True):
     """Check decks without running them: every problem, with file, line and column.
 
     \b
-    Examples:
+    Example:
       lapwing check decks/*.nml
-      lapwing check --no-time my_pair.nml
     """  # noqa: D301
     from lapwing.base.threads import default_threads
     from lapwing.deck.checks.magnitudes import magnitudes
@@ -134,8 +132,8 @@ def check(decks: Decks, setting: Settings = [],  # noqa: B006
         print(f"{deck.path}: good; {_studies(deck)}; {_derived(deck)}"
               + estimates.stated(deck) + f"\n  {magnitudes(deck)}")
     if timing:
-        for deck, text in zip(loaded, cost.stated(loaded, threads or default_threads()),
-                              strict=True):
+        times = cost.stated(loaded, threads or default_threads())
+        for deck, text in zip(loaded, times, strict=True):
             print(f"{deck.path}: {text}")
     raise typer.Exit(code)
 
