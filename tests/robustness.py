@@ -71,10 +71,10 @@ def damage(bench: Bench, rngs: list, out: Path) -> list[tuple[str, list[str]]]:
         lacking = [one for one in before if not (out / stem / one).exists()]
         if lacking:
             problems.append(f"still lacking {lacking}")
-        if names[stem] != "manifest.json" and str(out / stem / names[stem]) not in done.said:
+        told = f"{out / stem}: without a readable manifest.json" \
+            if names[stem] == "manifest.json" else str(out / stem / names[stem])
+        if told not in done.said:
             problems.append(f"not said of {names[stem]}")
-        elif str(out / stem) not in done.said:
-            problems.append("not said of the manifest")
         problems += [done.said] * bool(problems)
     return outcomes
 
