@@ -21,17 +21,17 @@ CLAIM = {"claim_impacts_per_cycle": 3, "claim_deepest_separation": 0.00063,
          "claim_text": "3 impacts per cycle"}
 RESPONSES = {
     # name: oscillator, further arguments
-    "periodic": (scene_a(1.8), {"brake_torque": 1.8, **CLAIM}),
-    "aperiodic": (scene_a(0.8), {"brake_torque": 0.8, "settle": 5}),
-    "engaged": (scene_a(14), {"brake_torque": 14, "settle": 80}),
-    "rigid": (scene_a(3.3, "relative", contact_law="rigid"), {"brake_torque": 3.3}),
-    "rigid_engaged": (scene_a(1000, "relative", contact_law="rigid"), {"brake_torque": 1000}),
-    "chatter": (scene_d(5.5), {"brake_torque": 5.5}),
-    "compliant": (scene_a(1.8, "relative", contact_law="compliant"), {"brake_torque": 1.8}),
-    "one_flank": (scene_a(1.8, "relative", gap="one_flank"), {"brake_torque": 1.8}),
-    "standing": (scene_a(0.2, "relative", back_flank_te=False), {"brake_torque": 0.2}),
-    "failed": (scene_d(5.5), {"brake_torque": 5.5, "max_events_per_cycle": 3}),
-    "single_cycle": (scene_a(1.8), {"brake_torque": 1.8, "record": 1}),
+    "periodic": (scene_a(1.8), {**CLAIM}),
+    "aperiodic": (scene_a(0.8), {"settle": 5}),
+    "engaged": (scene_a(14), {"settle": 80}),
+    "rigid": (scene_a(3.3, "relative", contact_law="rigid"), {}),
+    "rigid_engaged": (scene_a(1000, "relative", contact_law="rigid"), {}),
+    "chatter": (scene_d(5.5), {}),
+    "compliant": (scene_a(1.8, "relative", contact_law="compliant"), {}),
+    "one_flank": (scene_a(1.8, "relative", gap="one_flank"), {}),
+    "standing": (scene_a(0.2, "relative", back_flank_te=False), {}),
+    "failed": (scene_d(5.5), {"max_events_per_cycle": 3}),
+    "single_cycle": (scene_a(1.8), {"record": 1}),
 }
 CURVES = {
     "table": SHIPPED, "kinked": TransmissionError.parabola(125e-6),

@@ -23,12 +23,12 @@ TITLES = {"full": "contact of the engaged motion", "safe": "rattling motions",
 CLOSE_UP = 6
 
 
-@style.house_style()
 def shows(critical):
     """Whether there were trials: a closed form has nothing to show."""
     return "trial" in critical.dims
 
 
+@style.house_style()
 def draw(critical, gear_pair=None, *, title=None, marks=()):
     """Draw one search.
 

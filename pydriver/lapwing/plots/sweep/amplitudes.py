@@ -24,12 +24,12 @@ RESONANCES = (1, 2, 3)
 ROOM = 1.12
 
 
-@style.house_style()
 def shows(sweep):
     """Whether some point has a result, and the sweep what is drawn."""
     return bool(known(sweep).any() and "dynamic_te_rms" in sweep)
 
 
+@style.house_style()
 def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
          marks=()):
     """Draw amplitudes and forces of a sweep.

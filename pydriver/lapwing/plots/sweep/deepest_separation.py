@@ -12,12 +12,12 @@ from lapwing.results.findings import known
 BLOCK = 32
 
 
-@style.house_style()
 def shows(sweep):
     """Whether some point has a result."""
     return bool(known(sweep).any())
 
 
+@style.house_style()
 def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
          marks=()):
     """Draw the deepest separation of the recorded cycles.

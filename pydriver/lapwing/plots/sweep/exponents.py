@@ -10,12 +10,12 @@ from lapwing.plots.sweep import parts as sweep_parts
 from lapwing.results.findings import known
 
 
-@style.house_style()
 def shows(sweep):
     """Whether some point has a result, and the sweep what is drawn."""
     return bool(known(sweep).any() and "lyapunov_exponent" in sweep)
 
 
+@style.house_style()
 def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
          marks=()):
     """Draw a sweep with its exponents.

@@ -10,13 +10,13 @@ from lapwing.plots.sweep import parts as sweep_parts
 from lapwing.results.findings import known
 
 
-@style.house_style()
 def shows(sweep):
     """Whether some point has a result, speeds were counted, and there are impacts at all."""
     return bool(known(sweep).any() and "impact_speed_density" in sweep
             and arrivals_in(sweep.attrs).threshold)
 
 
+@style.house_style()
 def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
          marks=()):
     """Draw the density of impact speeds, one panel for each start.

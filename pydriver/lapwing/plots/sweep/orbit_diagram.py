@@ -18,12 +18,12 @@ HIGHEST_PERIOD = 8
 PLACES, OPAQUE = 4096, 20
 
 
-@style.house_style()
 def shows(sweep):
     """Whether some point has a result."""
     return bool(known(sweep).any())
 
 
+@style.house_style()
 def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
          marks=()):
     """Draw a sweep.

@@ -19,12 +19,12 @@ UNFINISHED = "unfinished"
 PERIODIC = re.compile(r"(\d+):\((\d+),(\d+)\)(c?)$")
 
 
-@style.house_style()
 def shows(sweep):
     """Whether some point has a result, and the sweep what is drawn."""
     return bool(known(sweep).any() and "motion_class" in sweep)
 
 
+@style.house_style()
 def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
          marks=()):
     """Draw counted impacts per cycle and, for each start, the classes p:(i,j).

@@ -11,12 +11,12 @@ from lapwing.results.findings import known
 DECADES = 5
 
 
-@style.house_style()
 def shows(sweep):
     """Whether some point has a result, and the sweep what is drawn."""
     return bool(known(sweep).any() and "order_spectrum" in sweep)
 
 
+@style.house_style()
 def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
          marks=()):
     """Draw the order spectra of φ, one panel for each start.
