@@ -263,6 +263,8 @@ def test_all_figures_are_written_the_same_twice(results, tmp_path, monkeypatch):
     small = type("Small", (), {
         "attrs": results.attrs, "gear_pair": results.gear_pair, "responses": ("periodic",),
         "sweeps": (), "criticals": (), "response": results.response, "sweep": results.sweep,
+        "studies": {"response": ("periodic",), "sweep": (), "critical": ()},
+        "study": lambda self, kind, name: results.study(kind, name),
         "transmission_error": results.transmission_error})()
     first = plots.draw_all(small, tmp_path / "a")
     second = plots.draw_all(small, tmp_path / "b", formats=("png",))
