@@ -308,7 +308,10 @@ def test_the_typeface_keeps_the_shapes_and_widths_of_the_whole_font():
         outlines = []
         for font in (small, whole):
             glyph = font.load_char(code, flags=LoadFlags.NO_HINTING)
-            outlines.append((glyph.linearHoriAdvance, font.get_path()[0].tolist()))
+            points = font.get_path()[0].tolist()
+            # A point said twice in a row is no other shape.
+            outlines.append((glyph.linearHoriAdvance, [point for point, before in zip(
+                points, [None, *points], strict=False) if point != before]))
         assert outlines[0] == outlines[1], chr(code)
 
 
