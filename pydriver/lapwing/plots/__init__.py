@@ -165,7 +165,8 @@ def _options(results, task):
         from lapwing.plots.sweep.parts import parameter_of
 
         deck = str(results.attrs.get("deck_name", ""))
-        return {"title": f"{deck}, sweep '{task.name}': {task.module.rpartition('.')[2].replace('_', ' ')}",
+        shown = task.module.rpartition(".")[2].replace("_", " ")
+        return {"title": f"{deck}, sweep '{task.name}': {shown}",
                 "claims": _claims(results, task.name),
                 "marks": _marks(results, parameter_of(results.sweep(task.name)))}
     if task.kind == "critical":
