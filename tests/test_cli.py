@@ -337,7 +337,8 @@ def test_the_points_of_a_sweep_that_are_finished_are_kept(tmp_path, no_figures, 
 def test_the_surroundings_change_no_byte(finished, tmp_path, setting):
     deck, out, _ = finished
     done = subprocess.run(
-        [sys.executable, "-m", "lapwing", "run", deck, "--out", tmp_path / "r", "--threads", "2"],
+        [sys.executable, "-m", "lapwing", "run", deck, "--out", tmp_path / "r", "--threads", "2",
+         "--figures", "all"],
         capture_output=True, env=os.environ | setting, check=False)
     assert done.returncode == OK, done.stderr
     assert b"Traceback" not in done.stderr and b"Error" not in done.stderr
