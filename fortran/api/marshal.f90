@@ -195,10 +195,10 @@ contains
   !> See `api`.
   subroutine go_on_with_sweep(knots, coefficients, kinks, series, reals, choices, lines, starts, &
       seconds, n_threads, blobs, cycles, tangent, density, log, outcome)
-    real(c_double), intent(in), target :: knots(:)  !! mesh phase
-    real(c_double), intent(in), target :: coefficients(:, :)  !! (6, n)
+    real(c_double), intent(in), target :: knots(:)                  !! mesh phase
+    real(c_double), intent(in), target :: coefficients(:, :)        !! (6, n)
     integer(c_int), intent(in) :: kinks(:)                          !! 1: slope jump
-    real(c_double), intent(in), target :: series(:, :)  !! (3, terms), order -1: none
+    real(c_double), intent(in), target :: series(:, :)              !! (3, terms), order -1: none
     real(c_double), intent(in) :: reals(:, :)                       !! (n_reals, n_points)
     integer(c_int), intent(in) :: choices(:)                        !! (n_choices)
     integer(c_int), intent(inout) :: lines(:, :)                    !! (5, n_lines)

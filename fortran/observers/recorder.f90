@@ -6,7 +6,7 @@ module lapwing_observers_recorder
   use lapwing_flow, only: flow_t, work_t, instant_on
   use lapwing_hybrid_state, only: segment_t, event_t
   use lapwing_observers_grazes, only: find_grazes
-  use lapwing_observers_records, only: recorder_t, sums_t, log_line, n_counters, max_flights, &
+  use lapwing_observers_records, only: recorder_t, log_line, n_counters, max_flights, &
       cycle_columns, sample_columns
   use lapwing_observers_speeds, only: count_speed
   use lapwing_system, only: system_t, instant_t, frame_t

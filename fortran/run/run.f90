@@ -3,7 +3,7 @@ module lapwing_run
   use lapwing_kinds, only: wp, int64
   use lapwing_hybrid_automaton, only: advance
   use lapwing_codes, only: status_ok, status_unfinished, status_step_too_small, status_not_finite
-  use lapwing_flow, only: flow_t, work_t, step_memory_t
+  use lapwing_flow, only: flow_t, work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_observers_recorder, only: record_segment, sample_at, look_ahead
   use lapwing_observers_records, only: recorder_t, log_has_room
@@ -15,14 +15,6 @@ module lapwing_run
 
   !> Segments between two looks at the clock: some 30 microseconds.
   integer, parameter :: segments_per_look = 128
-
-  !> What an arc changes of a state and does not keep in the segment.
-  type :: before_t
-    integer :: touching = 0
-    integer :: events_in_cycle = 0
-    integer :: steps_in_cycle = 0
-    type(step_memory_t) :: memory(0:2)
-  end type before_t
 
 contains
 
@@ -45,7 +37,7 @@ contains
     type(work_t), intent(inout) :: work              !! counts
     integer, intent(out) :: status                   !! status_*
     type(segment_t) :: segment
-    type(before_t) :: before
+    type(hybrid_state_t) :: before
     type(work_t) :: work_before
     type(repetition_t) :: repetition
     integer :: looks
@@ -59,15 +51,15 @@ contains
         looks = 0
       end if
       if (status /= status_ok) return
-      call remember(state, before)
-      if (state%instant%cycle >= target_cycle) work_before = work
+      before = state
+      work_before = work
       call advance(system, flow, numerics, state, segment, work, status)
       if (status == status_step_too_small .or. status == status_not_finite) then
-        call take_back(before, segment, state)
+        state = before
         return
       end if
       if (passed(state%instant, target_cycle, target_t)) then
-        call take_back(before, segment, state)
+        state = before
         work = work_before
         status = status_ok
         call look_ahead(recorder, system, flow, segment, target_t, work)
@@ -83,27 +75,6 @@ contains
       call sample_end(recorder, system, state%instant, work)
     end if
   end subroutine run_to
-
-  pure subroutine remember(state, before)
-    type(hybrid_state_t), intent(in) :: state        !! state
-    type(before_t), intent(out) :: before            !! what of it is not kept elsewhere
-    before%touching = state%instant%touching
-    before%events_in_cycle = state%events_in_cycle
-    before%steps_in_cycle = state%steps_in_cycle
-    before%memory = state%memory
-  end subroutine remember
-
-  !> The state where an arc began.
-  pure subroutine take_back(before, segment, state)
-    type(before_t), intent(in) :: before             !! what was remembered
-    type(segment_t), intent(in) :: segment           !! the arc
-    type(hybrid_state_t), intent(out) :: state       !! state
-    state%instant = segment%begin
-    state%instant%touching = before%touching
-    state%events_in_cycle = before%events_in_cycle
-    state%steps_in_cycle = before%steps_in_cycle
-    state%memory = before%memory
-  end subroutine take_back
 
   !> A last sample exactly where the run ends belongs to no arc.
   subroutine sample_end(recorder, system, instant, work)

@@ -7,6 +7,7 @@
 !> its full relative precision; a plain system takes z = y and leaves the frame alone.
 module lapwing_system
   use lapwing_kinds, only: wp
+  use lapwing_codes, only: drive_flank
   use lapwing_polynomial_evaluation, only: max_degree
   implicit none
   private
@@ -244,7 +245,7 @@ contains
   pure real(wp) function approach_velocity(flank, y)
     integer, intent(in) :: flank             !! flank
     real(wp), intent(in) :: y(max_states)    !! state variables
-    approach_velocity = merge(y(2), -y(2), flank == 1)
+    approach_velocity = merge(y(2), -y(2), flank == drive_flank)
   end function approach_velocity
 
   !> Change over a step by the four classical rates, about the first: where the rate is constant it

@@ -17,6 +17,7 @@ module lapwing_flow_exact_exact_flow
   use lapwing_polynomial_evaluation, only: max_degree
   use lapwing_polynomial_roots, only: first_descent
   use lapwing_system, only: system_t, instant_t, frame_t, max_states
+  use lapwing_system_frames, only: open_on_piece
   use lapwing_system_oscillator, only: oscillator_t
   implicit none
   private
@@ -88,13 +89,7 @@ contains
     class(exact_flow_t), intent(in) :: self
     type(instant_t), intent(in) :: instant       !! where the arc begins
     type(frame_t), intent(inout) :: frame        !! its frame
-    associate (table => self%scene%table)
-      frame%piece = piece_of(self, instant)
-      frame%chart = instant%chart
-      frame%t = instant%t
-      frame%stop_knot = table%next_kink(frame%piece)
-      frame%stop = table%knot(frame%stop_knot) - instant%t
-    end associate
+    call open_on_piece(self%scene%table, piece_of(self, instant), instant, frame)
     if (self%scene%form%graded) call stop_at_knot(self, instant, frame)
   end subroutine open_no_flanks
 
