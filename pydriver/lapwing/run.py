@@ -411,25 +411,10 @@ def _te_source(deck):
 def _measured(deck):
     """What is stored of measured samples: they, their fit, and how much its high orders decide."""
     from lapwing.results.curve import curve_variables
-    from lapwing.studies.critical.measured import high_orders
+    from lapwing.studies.critical.measured import high_orders_of
 
     variables, attributes = curve_variables(deck.curve, deck.te_table.samples())
-    return variables, {**attributes, **high_orders(deck, _reference_oscillator(deck))}
-
-
-def _reference_oscillator(deck):
-    """The deck's operating point; what it leaves to its studies is taken from the first."""
-    from lapwing.base.registry import STUDIES
-    from lapwing.deck.declare import SPEEDS
-
-    operation = dict(deck.operation)
-    if not operation.keys() & set(SPEEDS):
-        first = next(asked for study in STUDIES for asked in deck.studies[study])
-        operation |= first.operation
-        if getattr(first, "group", None) == "operation":
-            operation[first.parameter] = 1.0 if first.values is None else float(first.values[0])
-    operation.setdefault("brake_torque", 1.0)
-    return deck.gear_pair.oscillator(deck.te, **operation)
+    return variables, {**attributes, **high_orders_of(deck)}
 
 
 def _read(path):

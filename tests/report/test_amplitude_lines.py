@@ -2,17 +2,12 @@
 
 import numpy as np
 import pytest
-from partial_data import DAMAGES, whole_sweeps
+from partial_data import DAMAGES
 
 from lapwing.report.amplitudes import amplitude_lines, greatest
 from lapwing.report.answers.findings import findings
 
 NAMES = ("torque", "compliant", "rigid", "single", "negative", "speed")
-
-
-@pytest.fixture(scope="module")
-def sweeps():
-    return whole_sweeps()
 
 
 @pytest.mark.parametrize("damage", DAMAGES, ids=lambda one: one.__name__)

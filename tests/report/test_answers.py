@@ -5,7 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
-from partial_data import DAMAGES, interrupted, one_start_lost, whole_sweeps
+from partial_data import DAMAGES, interrupted, one_start_lost
 from partial_studies import (
     RESPONSE_DAMAGES,
     SEARCH_DAMAGES,
@@ -13,8 +13,6 @@ from partial_studies import (
     nothing_known,
     second_run_differs,
     unsafe_ones_failed,
-    whole_responses,
-    whole_searches,
 )
 
 import lapwing
@@ -28,21 +26,6 @@ SWEEPS = ("torque", "compliant", "rigid", "one_branch", "single", "negative", "e
 RESPONSES = ("periodic", "chaotic", "chatter", "engaged", "rigid", "compliant", "short")
 SEARCHES = ("safe", "all_safe", "all_unsafe", "back", "no_back", "all_back")
 NOTHING = "**Nothing is known**: no run has a result."
-
-
-@pytest.fixture(scope="module")
-def sweeps():
-    return whole_sweeps()
-
-
-@pytest.fixture(scope="module")
-def responses():
-    return whole_responses()
-
-
-@pytest.fixture(scope="module")
-def searches():
-    return whole_searches()
 
 
 def told(responses=(), criticals=(), sweeps=(), missing=()):

@@ -6,7 +6,7 @@ import warnings
 import numpy as np
 import pytest
 from figure_checks import assert_no_invented_axes, words_of
-from partial_data import DAMAGES, interrupted, whole_sweeps
+from partial_data import DAMAGES, interrupted
 
 from lapwing import Status, plots
 from lapwing.plots.sweep import orbit_diagram
@@ -15,11 +15,6 @@ from lapwing.report.sweep import sweep_text
 
 PAIR = {"natural_frequency": 8304.69, "pinion_base_lever": 0.034, "backlash": 0.002}
 SWEEPS = ("torque", "compliant", "rigid", "one_branch", "single", "negative", "engaged", "speed")
-
-
-@pytest.fixture(scope="module")
-def sweeps():
-    return whole_sweeps()
 
 
 @pytest.mark.parametrize("damage", DAMAGES, ids=lambda one: one.__name__)

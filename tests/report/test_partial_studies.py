@@ -13,8 +13,6 @@ from partial_studies import (
     nothing_known,
     second_run_differs,
     unsafe_ones_failed,
-    whole_responses,
-    whole_searches,
     without_intervals,
 )
 
@@ -27,16 +25,6 @@ GEAR = {"natural_frequency": 8304.69, "pinion_base_lever": 0.034, "backlash": 0.
         "mesh_stiffness": 3.12e8}
 RESPONSES = ("periodic", "chaotic", "chatter", "engaged", "rigid", "compliant", "short")
 SEARCHES = ("safe", "all_safe", "all_unsafe", "back", "no_back", "all_back")
-
-
-@pytest.fixture(scope="module")
-def responses():
-    return whole_responses()
-
-
-@pytest.fixture(scope="module")
-def searches():
-    return whole_searches()
 
 
 def all_said(data):

@@ -67,13 +67,13 @@ def _table_arguments(oscillators, method=None):
     if method == "exact" and _series_is_taken(oscillators[0]):
         return (np.array([0.0, 1.0]), np.zeros((6, 1), order="F"), np.zeros(1, dtype=np.intc),
                 np.asfortranarray(te.harmonics.T))
-    knots, coefficients = te.knots, te.coefficients
+    knots, coefficients, kinks = te.knots, te.coefficients, te.kinks
     if method == "rk4" and _series_is_taken(oscillators[0]):
         knots, coefficients = te.fine_table
+        kinks = np.zeros(knots.size - 1)
     coefficients = np.asfortranarray(coefficients.T.copy())
     if oscillators[0].back_flank_te:
         coefficients[0] -= 0.5 * sum(te.extrema)
-    kinks = np.zeros(knots.size - 1, np.intc) if knots is not te.knots else te.kinks
     return knots, coefficients, kinks.astype(np.intc), NO_SERIES
 
 

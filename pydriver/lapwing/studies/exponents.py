@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from lapwing.base import arguments, estimates
 from lapwing.base.arguments import MAX_INT
-from lapwing.base.codes import Status
 from lapwing.engine import Numerics, TrajectoryCall, Wanted, chosen
 from lapwing.model.oscillator import Oscillator
 from lapwing.studies import stability
-from lapwing.studies.orbit import NoOrbit
+from lapwing.studies.orbit import follow_cycles
 from lapwing.studies.stability import CycleMaps, Exponents
 from lapwing.studies.trajectory import checked_start, engine_start
 
@@ -50,9 +49,7 @@ def exponents(osc: Oscillator, start: str | tuple[object, float, float] = "rest"
     first = settle + (phase > 0)  # whole cycles are recorded
     state = (*engine_start(osc, checked_start(osc, start, phase)), phase)
     call = TrajectoryCall(osc, state, numerics=numerics, wanted=Wanted(cycles=True, tangent=True))
-    call.run((first + record, 0.0), [])
-    if call.status != Status.OK:
-        raise NoOrbit(f"the run ended with {call.status.name}")
+    follow_cycles(call, first + record)
     kept = call.cycles["cycle"] >= first
     size = max(abs(osc.force), call.cycles["deepest_separation"][kept].max()) or osc.backlash
     return stability.exponents(CycleMaps.from_rows(call.tangent[kept], osc.period), 0, size)

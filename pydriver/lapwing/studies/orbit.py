@@ -88,10 +88,15 @@ def settled_state(osc, cycles, start="rest", *, numerics=NUMERICS):
     start = engine_start(osc, checked_start(osc, start, 0.0))
     call = TrajectoryCall(osc, (*start, 0.0), numerics=numerics,
                           wanted=Wanted())
+    follow_cycles(call, cycles)
+    return _strobed(call)
+
+
+def follow_cycles(call, cycles):
+    """Run a `TrajectoryCall` to the beginning of a cycle; NoOrbit where it fails numerically."""
     call.run((cycles, 0.0), [])
     if call.status != Status.OK:
         raise NoOrbit(f"the run ended with {call.status.name}")
-    return _strobed(call)
 
 
 def find_orbit(osc, start="rest", cycles=1, *, settle=400, numerics=NUMERICS):

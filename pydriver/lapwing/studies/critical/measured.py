@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from lapwing.base.registry import STUDIES
+from lapwing.deck.declare import SPEEDS
 from lapwing.model.curve.fit import fit_curve
 from lapwing.model.curve.interval import (
     CONFIDENCE,
@@ -79,6 +81,20 @@ def high_orders(deck, osc):
     if not table.sampled:
         return {}
     return {"curve": "samples", "high_order_share": raw_share(osc, *table.samples())}
+
+
+def high_orders_of(deck):
+    """The same at the deck's operating point; what it leaves to its studies is the first one's."""
+    if deck.curve is None and not deck.te_table.sampled:
+        return {}
+    operation = dict(deck.operation)
+    if not operation.keys() & set(SPEEDS):
+        first = next(asked for kind in STUDIES for asked in deck.studies[kind])
+        operation |= first.operation
+        if getattr(first, "group", None) == "operation":
+            operation[first.parameter] = 1.0 if first.values is None else float(first.values[0])
+    operation.setdefault("brake_torque", 1.0)
+    return high_orders(deck, deck.gear_pair.oscillator(deck.te, **operation))
 
 
 def raw_share(osc, phase, value, kinks):

@@ -23,7 +23,6 @@ from lapwing.studies.critical.value import CriticalValue
 from lapwing.studies.intervals import bursts, rate_limit
 from lapwing.studies.sweep.run import oscillator_at, parameters
 
-FINDS = ("full", "safe", "back", "on")
 SAFE_ENDS = ("high", "low")
 # In these F is linear, and what it is compared with does not depend on them.
 TORQUES = ("brake_torque", "drive_torque")
