@@ -46,22 +46,17 @@ def moving_flank(**options):
     return oscillator(WAVE, force=0.1, period=10.0, backlash=100.0, **options)
 
 
-def wave(method, order, phase):
-    """The flank as a method sees it: rk4 moves over the harmonics' table, good to 1e-12."""
-    return float((WAVE.derivative if method == "exact" else WAVE.table_derivative)(order, phase))
-
-
-def passing(method, osc, at, offset, **options):
+def passing(osc, at, offset, **options):
     """A flight whose distance to the drive flank has its least value, `offset`, at a phase.
 
     θ'' = F is followed back in closed form from there, so that the start is exact to rounding.
     """
-    g, rate, bend = (wave(method, k, at) / osc.period**k for k in range(3))
+    g, rate, bend = (float(WAVE.derivative(k, at)) / osc.period**k for k in range(3))
     assert bend > osc.force  # the flank's turn away is stronger than the force: a true graze
     s = LEAD * osc.period
     theta, velocity = g - offset - rate * s + osc.force * s**2 / 2, rate - osc.force * s
-    start = ("separation", theta - wave(method, 0, at - LEAD),
-             velocity - wave(method, 1, at - LEAD) / osc.period)
+    start = ("separation", theta - float(WAVE.value(at - LEAD)),
+             velocity - float(WAVE.slope(at - LEAD)) / osc.period)
     return simulate(osc, start, phase=at - LEAD, cycles=2 * LEAD, **options)
 
 
@@ -70,7 +65,7 @@ def test_impact_speed_on_a_moving_flank(method, contact_law):
     osc = moving_flank(contact_law=contact_law)
     kind = EventKind.ENGAGE if contact_law == "compliant" else EventKind.IMPACT
     delta = 10.0 ** -np.linspace(3, 9, 13)
-    struck = [events(passing(method, osc, 0.47, -d), kind)["velocity_before"][0] for d in delta]
+    struck = [events(passing(osc, 0.47, -d), kind)["velocity_before"][0] for d in delta]
     slope = np.polyfit(np.log(delta), np.log(struck), 1)[0]
     assert slope == pytest.approx(0.5, abs=0.002)
     # Its coefficient: v = √(2aδ), a = g'' - F, up to O(√δ) from the third derivative.
@@ -91,7 +86,7 @@ def test_just_hit_and_just_missed(contact_law, sign):
 @pytest.mark.parametrize("offset", [1e-9, -1e-9])
 @pytest.mark.parametrize("at", [0.43, 0.5, 0.58])
 def test_just_hit_and_just_missed_on_a_moving_flank(method, at, offset):
-    run = passing(method, moving_flank(), at, offset, record=GRAZES, graze_distance=1e-8)
+    run = passing(moving_flank(), at, offset, observe=GRAZES, graze_distance=1e-8)
     if offset < 0:
         assert kinds(run)[0] == EventKind.IMPACT
     else:
@@ -109,7 +104,7 @@ def test_just_hit_and_just_missed_on_a_moving_flank(method, at, offset):
 def test_near_graze_is_reported_with_its_closest_approach(miss, back_flank_te):
     osc = flight(back_flank_te=back_flank_te)
     speed = math.sqrt(2 * BACKLASH * (1 - miss))
-    run = launched(osc, speed, record=GRAZES, graze_distance=2 * miss)
+    run = launched(osc, speed, observe=GRAZES, graze_distance=2 * miss)
     grazes = events(run, EventKind.BACK_NEAR_GRAZE)
     assert grazes["tau"].size == 1
     assert grazes["phi"][0] + BACKLASH == pytest.approx(miss, rel=0, abs=8 * EPS)
@@ -122,7 +117,7 @@ def test_near_graze_is_reported_with_its_closest_approach(miss, back_flank_te):
 
 def test_grazes_farther_than_asked_or_not_asked_are_silent():
     speed = math.sqrt(2 * BACKLASH * (1 - 1e-3))
-    silent = (launched(flight(), speed, record=GRAZES, graze_distance=0.9e-3),
+    silent = (launched(flight(), speed, observe=GRAZES, graze_distance=0.9e-3),
               launched(flight(), speed, graze_distance=1.0))
     for run in silent:
         assert EventKind.BACK_NEAR_GRAZE not in kinds(run)
@@ -130,7 +125,7 @@ def test_grazes_farther_than_asked_or_not_asked_are_silent():
 
 def test_default_distance_is_a_thousandth_of_the_angle_scale():
     for miss, reported in ((0.99e-3, True), (1.01e-3, False)):
-        run = launched(flight(), math.sqrt(2 * BACKLASH * (1 - miss)), record=GRAZES)
+        run = launched(flight(), math.sqrt(2 * BACKLASH * (1 - miss)), observe=GRAZES)
         assert (EventKind.BACK_NEAR_GRAZE in kinds(run)) == reported
 
 
@@ -142,7 +137,7 @@ def test_grazes_alone_can_be_recorded():
 def test_contact_that_nearly_ends_is_a_near_graze(method):
     """Compliant, undamped: φ = F + (φ0 - F) cos τ turns back at 2F - φ0, just above zero."""
     osc = oscillator(contact_law="compliant", restitution=1.0, period=100.0)
-    run = simulate(osc, ("engagement", 2.0 - 1e-4, 0.0), cycles=0.2, record=GRAZES,
+    run = simulate(osc, ("engagement", 2.0 - 1e-4, 0.0), cycles=0.2, observe=GRAZES,
                    graze_distance=2e-4, rtol=1e-10)
     assert set(kinds(run)) == {EventKind.NEAR_GRAZE}
     # Minima at odd multiples of π; with rk4 φ is good to rtol mesh periods times φ' <= 1, in closed
@@ -156,6 +151,6 @@ def test_contact_that_nearly_ends_is_a_near_graze(method):
 
 def test_a_bounce_is_no_near_graze():
     """Departures and arrivals at a flank are near it, but turn nowhere."""
-    run = simulate(flight(restitution=1.0), ("separation", -0.5, 0.0), cycles=5, record=GRAZES,
+    run = simulate(flight(restitution=1.0), ("separation", -0.5, 0.0), cycles=5, observe=GRAZES,
                    graze_distance=0.1)
     assert set(kinds(run)) == {EventKind.IMPACT}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PPoly
 
 from lapwing.model.transmission_error import (
     TransmissionError,
@@ -243,6 +243,18 @@ def test_harmonic_table_keeps_its_promise(amplitudes, shifts, orders):
     assert table.harmonics.tolist() == [list(x) for x in zip(orders, amplitudes, shifts,
                                                              strict=True)]
     assert not table.kinks.any()
+
+
+@pytest.mark.parametrize(("amplitudes", "shifts", "orders"),
+                         [*SERIES, ([1.0, 1e-13, 1e-15], [0.0, 0.5, 1.0], [1, 40, 200])])
+def test_the_table_that_is_stepped_over_keeps_its_promise(amplitudes, shifts, orders):
+    knots, coefficients = TransmissionError.harmonic(amplitudes, shifts, orders).fine_table
+    pieces, at = PPoly(coefficients.T[::-1], knots), (np.arange(40_000) + 0.5) / 40_000
+    for k, promise in enumerate((1e-16, 2e-14, 3e-12)):
+        exact = sum(a * (2 * np.pi * n) ** k * np.cos(2 * np.pi * n * at + s + k * np.pi / 2)
+                    for a, s, n in zip(amplitudes, shifts, orders, strict=True))
+        # Rounding of both evaluations comes on top, with no division by the pieces' length.
+        assert np.abs(pieces(at, k) - exact).max() <= (promise + 40 * EPS) * np.abs(exact).max()
 
 
 def test_number_of_harmonic_pieces_is_the_smallest_the_bound_allows():

@@ -62,12 +62,43 @@ def order_spectrum(values, cycles):
     return np.arange(amplitudes.size) / cycles, amplitudes
 
 
-def harmonic_table(series, tolerance=_HARMONIC_TOLERANCE):
-    """Quintic Hermite pieces of a series: knots (n + 1,) and coefficients (n, 6)."""
-    from scipy.interpolate import BPoly, PPoly
+# c3, c4·h, c5·h² of a quintic Hermite piece by what its right end's value, slope and curvature
+# are beyond the Taylor polynomial of the left end to h², each over the power of h it starts with.
+_QUINTIC_WEIGHTS = np.array([[10, -4, 0.5], [-15, 7, -1], [6, -3, 0.5]])
 
+
+def _taylor_remainders(z):
+    """φ3, φ2, φ1 at z, (3, m): φk(z) = (e^z - Σ_{j<k} z^j/j!)/z^k, without cancellation near 0.
+
+    The φ functions of exponential integrators (Hochbruck & Ostermann, Acta Numerica 19 (2010) 209).
+    """
+    phi = np.empty((3, z.size), dtype=complex)
+    small = np.abs(z) < 1
+    for row, k in enumerate((3, 2, 1)):
+        # The first term left out is below 1e-17 of the sum.
+        phi[row, small] = np.polynomial.polynomial.polyval(
+            z[small], [1 / math.factorial(j + k) for j in range(18)])
+    far, last = z[~small], np.exp(z[~small])
+    for k in (1, 2, 3):
+        last = (last - 1 / math.factorial(k - 1)) / far
+        phi[3 - k, ~small] = last
+    return phi
+
+
+def harmonic_table(series, tolerance=_HARMONIC_TOLERANCE):
+    """Quintic Hermite pieces of a series: knots (n + 1,) and coefficients (n, 6).
+
+    Coefficients come from each harmonic's remainder over a piece, not from differences of the
+    ends, which leave rounding/h² in the curvature.
+    """
     n = harmonic_pieces(series, tolerance)
-    knots = np.arange(n + 1) / n
-    rows = np.stack([harmonic_derivative(series, k, knots % 1) for k in range(3)], axis=1)
-    pieces = PPoly.from_bernstein_basis(BPoly.from_derivatives(knots, rows))
-    return knots, pieces.c[::-1].T
+    knots, h = np.arange(n + 1) / n, 1 / n
+    number, amplitude, shift = np.asarray(series, dtype=float).T
+    rate = 2 * np.pi * number
+    ends = [harmonic_derivative(series, k, knots[:-1]) for k in range(3)]
+    # Re of a·(iω)³ e^{i(ωt + shift)}: the third derivative, which every remainder starts with.
+    third = np.exp(1j * (np.multiply.outer(knots[:-1], rate) + shift)) * (
+        amplitude * (1j * rate) ** 3)
+    beyond = (third @ (_QUINTIC_WEIGHTS @ _taylor_remainders(1j * rate * h)).T).real
+    coefficients = np.column_stack([ends[0], ends[1], ends[2] / 2, beyond / h ** np.arange(3)])
+    return knots, coefficients
