@@ -93,12 +93,13 @@ CASES = {
     "GearPair.force": (PAIR.force, {"brake_torque": 1.0, "drive_torque": 1.0}),
     "GearPair.mesh_frequency": (PAIR.mesh_frequency, {
         "pinion_speed_rpm": 300, "pinion_speed_rad_s": None, "mesh_frequency_hz": None}),
-    "GearPair.oscillator": (PAIR.oscillator, {"te": TE, **OPERATION}),
+    "GearPair.oscillator": (PAIR.oscillator, {"te": TE, **OPERATION, "degrees_of_freedom": 1}),
     "Oscillator": (lw.Oscillator, {
         "te": TE, "force": 1e-4, "mesh_frequency_ratio": 0.5, "gear_ratio": 1.28,
         "damping_ratio": 0.07, "restitution": 0.8, "backlash": 2e-3,
         "contact_law": "restitution", "impact_law": "relative", "gap": "one_sided",
-        "back_flank_te": True, "te_sign": "printed", "scales": None, "load": None}),
+        "back_flank_te": True, "te_sign": "printed", "scales": None, "load": None,
+        "mean_rotation": None}),
     "Oscillator.with_force": (OSC.with_force, {"force": 1e-4}),
     "engaged_response": (lw.engaged_response, {"osc": OSC}),
     "engaged_response.penetration": (RESPONSE.penetration, {"phase": 0.2, "order": 0}),

@@ -40,13 +40,13 @@ def test_each_record_costs_its_own_searches_only(build, record, counter):
 @pytest.mark.parametrize("build", SCENES)
 def test_without_a_coast_flank_none_is_searched(build):
     for contact_law_record in (("events", "cycles", "grazes"), ()):
-        work = simulate(build(gap="one_flank"), cycles=5, record=contact_law_record,
+        work = simulate(build(gap="one_flank"), cycles=5, observe=contact_law_record,
                         method="rk4").work
         assert work["coast_flank_searches"] == 0 < work["drive_flank_searches"]
 
 
 def test_recording_does_not_change_the_motion():
-    runs = [simulate(scene_a(1.8), cycles=5, record=record)
+    runs = [simulate(scene_a(1.8), cycles=5, observe=record)
             for record in ((), ("events",), ("events", "cycles", "grazes"))]
     states = [(r.final.phi, r.final.phi_dot, r.final.tau, r.final.motion_state) for r in runs]
     assert states[0] == states[1] == states[2]
@@ -132,8 +132,8 @@ def test_bad_arguments_are_refused(bad):
 
 
 def test_a_word_is_no_list_of_words():
-    with pytest.raises(TypeError, match="record = 'events', expected a tuple"):
-        simulate(scene_a(1.8), record="events")
+    with pytest.raises(TypeError, match="observe = 'events', expected a tuple"):
+        simulate(scene_a(1.8), observe="events")
 
 
 @pytest.mark.parametrize("taus", [[-1.0], [1.0, 0.5], [1e9], [float("nan")], [[0.0, 1.0]]])

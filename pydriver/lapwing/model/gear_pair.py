@@ -138,7 +138,7 @@ class GearPair:
         gear = self.gear_ratio * brake_torque / self.gear_inertia
         return (gear + drive_torque / self.pinion_inertia) / self.natural_frequency**2
 
-    def mean_rotation(self, mesh_frequency_ratio, brake_torque, drive_torque=None):
+    def _mean_rotation(self, mesh_frequency_ratio, brake_torque, drive_torque=None):
         """`MeanRotation` at Ω and torques in N·m; without a drive torque there is the balance."""
         unbalanced = 0.0 if drive_torque is None else self.gear_ratio * drive_torque - brake_torque
         return MeanRotation(unbalanced / self.total_inertia / self.natural_frequency**2,
@@ -170,8 +170,8 @@ class GearPair:
                   "mesh_frequency_hz": mesh_frequency_hz}
         problems = _drive_problems(speeds, brake_torque, drive_torque)
         taken = Refusals()
-        if taken.take(arguments.whole, "degrees_of_freedom", degrees_of_freedom, 1, 2) is None:
-            problems += taken.problems
+        degrees = taken.take(arguments.whole, "degrees_of_freedom", degrees_of_freedom, 1, 2)
+        problems += taken.problems
         # A stand-in of 1 where the operating point is refused lets the rest be checked as well.
         force = 1.0 if problems else self.force(brake_torque, drive_torque)
         ratio = 1.0 if problems else self.mesh_frequency(**speeds) / self.natural_frequency
@@ -181,8 +181,8 @@ class GearPair:
                 damping_ratio=self.xi, restitution=self.restitution, backlash=self.backlash,
                 contact_law=contact_law, impact_law=impact_law, gap=gap,
                 back_flank_te=back_flank_te, te_sign=te_sign,
-                mean_rotation=self.mean_rotation(ratio, brake_torque, drive_torque)
-                if degrees_of_freedom == 2 and not problems else None,
+                mean_rotation=self._mean_rotation(ratio, brake_torque, drive_torque)
+                if degrees == 2 and not problems else None,
                 scales=Scales(self.natural_frequency, self.force_per_torque),
                 load=None if problems else Load(force, float(brake_torque), drive_torque))
         except ParameterError as error:

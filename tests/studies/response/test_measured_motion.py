@@ -19,13 +19,13 @@ def silent(*_):
 
 def alone(tmp_deck):
     """The deck with its response alone."""
-    tmp_deck.criticals, tmp_deck.sweeps = (), ()
+    tmp_deck.studies |= {"critical": (), "sweep": ()}
     return tmp_deck
 
 
 def test_classes_are_those_of_the_runs_on_the_repeats():
     deck = alone(load_deck(DECK))
-    data = compute(deck, 1, silent).responses["a"]
+    data = compute(deck, 1, silent).studies["response"]["a"]
     classes = [str(one) for one in data["repeat_class"].values]
     words = ", ".join(f"{name} on {count}" for name, count in sorted(
         Counter(classes).items(), key=lambda item: (-item[1], item[0])))
@@ -44,7 +44,7 @@ def test_classes_are_those_of_the_runs_on_the_repeats():
 
 def test_the_motion_of_the_curve_itself_is_that_of_the_response():
     deck = alone(load_deck(DECK, [("transmission_error.curve_repeats", "0")]))
-    data, study = compute(deck, 1, silent).responses["a"], deck.responses[0]
+    data, study = compute(deck, 1, silent).studies["response"]["a"], deck.responses[0]
     motion = motion_of(deck.oscillator(study), deck.gear_pair, start="rest", phase=0.0,
                        settle_cycles=20, record_cycles=20, max_period=deck.numerics["max_period"],
                        numerics=Numerics(**deck.numerics_of(study)))
