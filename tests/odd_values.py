@@ -18,7 +18,7 @@ import numpy as np
 import lapwing as lw
 from lapwing.base.codes import MotionState
 from lapwing.engine import Numerics
-from lapwing.model.transmission_error_file import TransmissionErrorFileError
+from lapwing.model.transmission_error.file import TransmissionErrorFileError
 from lapwing.studies.orbit import NoOrbit
 
 MEMORY = 3 << 30

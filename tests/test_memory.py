@@ -161,10 +161,10 @@ def test_points_that_are_finished_stay_so_where_memory_ends():
 
 def test_extrema_search_few_pieces(monkeypatch):
     """Of a series of order 200 and of a smooth table: where its bounds pass all knots."""
-    from lapwing.model import transmission_error
+    from lapwing.model.transmission_error import extrema
 
-    calls, original = [], transmission_error.stationary_points
-    monkeypatch.setattr(transmission_error, "stationary_points",
+    calls, original = [], extrema.stationary_points
+    monkeypatch.setattr(extrema, "stationary_points",
                         lambda piece: calls.append(1) or original(piece))
     te = lapwing.TransmissionError.harmonic([1e-4, 3e-5], [0.3, 0.4], [1, 200])
     assert te.peak_to_peak == pytest.approx(2.6e-4, rel=1e-3)
@@ -175,7 +175,7 @@ def test_extrema_search_few_pieces(monkeypatch):
 def test_extrema_are_those_of_every_piece(seed):
     from numpy.polynomial import polynomial as power
 
-    from lapwing.model.transmission_error import stationary_points
+    from lapwing.model.transmission_error.extrema import stationary_points
     from random_scenes import transmission_error
 
     te = transmission_error(np.random.default_rng(seed), 41)

@@ -8,7 +8,7 @@ import pytest
 
 from lapwing import TransmissionError
 from lapwing.deck import DeckError, load_deck
-from lapwing.model.transmission_error_file import (
+from lapwing.model.transmission_error.file import (
     MAX_BYTES,
     MAX_ROWS,
     TransmissionErrorFileError,

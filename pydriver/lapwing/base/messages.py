@@ -1,9 +1,10 @@
-"""Messages about bad input, kept short: a file of any size gives a page of them at most."""
+"""What people read of things: bounded messages about bad input, facts as a table of a notebook."""
 
 from __future__ import annotations
 
+import html
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 MAX_OF_A_KIND, MAX_MESSAGES, MAX_CHARACTERS, MAX_LENGTH = 20, 200, 20_000, 800
 _LONGEST_WORD = 200
@@ -14,6 +15,14 @@ _VARIABLE = re.compile("['=]|.*[0-9]")
 def cut(text: str, length: int = 40) -> str:
     """A text of at most `length` characters, with dots where something is left out."""
     return text if len(text) <= length else text[:length - 3] + "..."
+
+
+def facts_html(title: str, facts: Mapping[str, object]) -> str:
+    """A heading and a table of two columns, as a notebook shows an object."""
+    rows = "".join(f"<tr><th style='text-align:left'>{html.escape(name)}</th>"
+                   f"<td style='text-align:left'>{html.escape(str(value))}</td></tr>"
+                   for name, value in facts.items())
+    return f"<b>{html.escape(title)}</b><table>{rows}</table>"
 
 
 def printable(text: str) -> str:

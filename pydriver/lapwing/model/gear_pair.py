@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from types import SimpleNamespace
 
 from lapwing.base import arguments
 from lapwing.base.arguments import LEAST, MOST, Refusals
+from lapwing.base.messages import facts_html
 from lapwing.model.oscillator import (
     Load,
     MeanRotation,
@@ -83,6 +84,13 @@ class GearPair:
                 problems.append(f"{_FROM[name]} together give {name} = {value:.3g}, expected "
                                 f"{LEAST:g} to {MOST:g}")
         return problems[:1]
+
+    def _repr_html_(self) -> str:
+        given = {name: value for name, value in asdict(self).items() if value is not None}
+        return facts_html("GearPair", {**given, "natural frequency":
+                                       f"{self.natural_frequency:.6g} rad/s",
+                                       "force per torque": f"{self.force_per_torque:.6g} rad/(N m)",
+                                       "damping ratio": f"{self.xi:.6g}"})
 
     @property
     def gear_ratio(self):

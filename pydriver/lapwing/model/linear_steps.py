@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.polynomial import polynomial as power
 
-from lapwing.model.transmission_error import stationary_points
+from lapwing.model.transmission_error.extrema import stationary_points
 
 # |λ|·w <= 1 for both free exponents λ, so the first neglected term is below 1/21! = 2e-20.
 TERMS = 21

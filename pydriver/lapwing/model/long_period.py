@@ -36,7 +36,7 @@ from lapwing.model.linear_steps import (
     series,
     unit_motions,
 )
-from lapwing.model.transmission_error import stationary_points
+from lapwing.model.transmission_error.extrema import stationary_points
 
 # Of a decay, in its own times: beyond so many a particular polynomial is well conditioned.
 _LONG = 8.0

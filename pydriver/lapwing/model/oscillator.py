@@ -6,11 +6,12 @@ Separation is θ'' = F; engagement θ'' = F - 2ξφ' - φ with φ = θ - g.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 from lapwing.base import arguments
 from lapwing.base.arguments import MOST, Refusals
 from lapwing.base.codes import ContactLaw, Gap, ImpactLaw
+from lapwing.base.messages import facts_html
 from lapwing.model.transmission_error import TransmissionError
 
 TE_SIGNS = {"printed": 1.0, "geometric": -1.0}
@@ -92,7 +93,7 @@ class MeanRotation:
         return (self.pinion_rate + osc.gear_ratio * rate) * osc.scales.natural_frequency
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Oscillator:
     """Parameters of the dimensionless oscillator, checked against each other.
 
@@ -147,6 +148,18 @@ class Oscillator:
             problems = self._flank_problems()
         if problems:
             raise ParameterError("oscillator", problems)
+
+    def __repr__(self) -> str:
+        said = ", ".join(f"{name}={fact!r}" for name, fact in self._facts().items())
+        return f"Oscillator({self.te!r}, {said})"
+
+    def _repr_html_(self) -> str:
+        return facts_html("Oscillator", {"transmission error": self.te, **self._facts()})
+
+    def _facts(self) -> dict[str, object]:
+        """Every parameter but the table, without those that are at their defaults."""
+        return {f.name: getattr(self, f.name) for f in fields(self)
+                if f.repr and f.name != "te" and getattr(self, f.name) != f.default}
 
     def _choice_problems(self):
         choices = {"contact_law": names(ContactLaw), "impact_law": names(ImpactLaw),

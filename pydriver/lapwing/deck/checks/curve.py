@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lapwing.model.curve.basis import fit_problem
-from lapwing.model.transmission_error import samples_of_pairs
+from lapwing.model.transmission_error.samples import samples_of_pairs
 
 KEYS = ("harmonics", "smoothing", "noise_level", "curve_repeats")
 # Other curves on which searches are repeated where the deck says nothing: the least and the

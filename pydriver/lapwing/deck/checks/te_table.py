@@ -16,7 +16,7 @@ from lapwing.base.messages import cut
 from lapwing.deck.checks.curve import curve_problem, samples_of
 from lapwing.deck.problems import Place
 from lapwing.model.transmission_error import TransmissionError
-from lapwing.model.transmission_error_file import TransmissionErrorFileError, read_columns
+from lapwing.model.transmission_error.file import TransmissionErrorFileError, read_columns
 
 # Within these bounds every constructor of TransmissionError is known to succeed.
 _PLAIN_VALUES = (1e-12, 1e3)

@@ -18,7 +18,7 @@ import numpy as np
 from lapwing.base import arguments
 from lapwing.model.curve.basis import LeastSquares, curve_of, design
 from lapwing.model.curve.spline import smoothed
-from lapwing.model.transmission_error import MOST_ORDER
+from lapwing.model.transmission_error.table import MOST_ORDER
 
 # Every random number follows from this and from the number asked for.
 _SEED = 20_170

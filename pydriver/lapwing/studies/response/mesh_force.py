@@ -20,7 +20,7 @@ from numpy.polynomial import polynomial as power
 from lapwing.base.codes import EventKind, MotionState, Status
 from lapwing.engine import of_kind
 from lapwing.engine.records import SAMPLE
-from lapwing.model.transmission_error import stationary_points
+from lapwing.model.transmission_error.extrema import stationary_points
 
 # Terms of the series.  Intervals are so short that |λ|h <= 1/2 for both free exponents λ and
 # 2πnh <= 1/2 for each harmonic n: what is left out is below 1/(2^18·18!) = 6e-22.

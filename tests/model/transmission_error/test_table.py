@@ -11,14 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline, PPoly
 
-from lapwing.model.transmission_error import (
-    TransmissionError,
-    harmonic_derivative,
-    stationary_points,
-)
-from lapwing.model.transmission_error_file import ANGLE_UNITS, TransmissionErrorFileError
+from lapwing.model.harmonic_series import harmonic_derivative
+from lapwing.model.transmission_error import TransmissionError
+from lapwing.model.transmission_error.extrema import stationary_points
+from lapwing.model.transmission_error.file import ANGLE_UNITS, TransmissionErrorFileError
 
-SHIPPED = Path(__file__).parents[2] / "inputs" / "te_25x32.csv"
+SHIPPED = Path(__file__).parents[3] / "inputs" / "te_25x32.csv"
 EPS = np.finfo(float).eps
 
 

@@ -7,7 +7,6 @@ builds the table and never inferred from rounding.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from numbers import Real
@@ -17,22 +16,28 @@ from numpy.polynomial import polynomial as power
 
 from lapwing.base import arguments
 from lapwing.base.arguments import LEAST, MOST
-from lapwing.model import table_algebra
+from lapwing.base.messages import facts_html
 from lapwing.model.harmonic_series import FINE_TOLERANCE, harmonic_derivative, harmonic_table
-from lapwing.model.transmission_error_file import TransmissionErrorFileError, read_columns
+from lapwing.model.transmission_error import algebra
+from lapwing.model.transmission_error.extrema import extrema_of
+from lapwing.model.transmission_error.file import TransmissionErrorFileError, read_columns
+from lapwing.model.transmission_error.samples import (
+    flags,
+    hermite_table,
+    samples_of_pairs,
+    spline_table,
+)
 
 # A joint of two pieces may be off by rounding (about 1e-14 of the largest value); a gap or an
 # unmarked slope jump in the data is far larger.
 _JOINT_TOLERANCE = 1e-9
-# Phases made from angles are good to about 1e-15; a row nearer to 1 than this sits at phase 0.
-_PHASE_ROUNDING = 1e-14
 # Of a harmonic series; a table has none but zeros beyond the fifth.
 MOST_DERIVATIVES = 20
 # The pieces of a table grow with the highest order.
 MOST_ORDER = 1000
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class TransmissionError:
     """Periodic piecewise-polynomial transmission error (degree at most 5).
 
@@ -61,7 +66,7 @@ class TransmissionError:
         for name, ndim, largest in (("knots", 1, 1.0), ("coefficients", 2, 1e300)):
             self._store(name, arguments.reals(name, getattr(self, name), ndim=ndim,
                                               largest=largest))
-        self._store("kinks", _flags("kinks", self.kinks))
+        self._store("kinks", flags("kinks", self.kinks))
         harmonics = arguments.reals("harmonics", self.harmonics, empty=True)
         if harmonics.size % 3:
             raise ValueError("harmonics: expected is an (m, 3) array")
@@ -76,6 +81,19 @@ class TransmissionError:
             raise ValueError(f"coefficients give values beyond {MOST:g} rad")
         self._check_joint(0, np.zeros(n, dtype=bool), "value")
         self._check_joint(1, self.kinks, "slope (and the knot is not marked as a kink)")
+
+    def __repr__(self) -> str:
+        said = ", ".join(f"{name}: {fact}" for name, fact in self._facts().items())
+        return f"<TransmissionError {said}>"
+
+    def _repr_html_(self) -> str:
+        return facts_html("TransmissionError", self._facts())
+
+    def _facts(self) -> dict[str, object]:
+        """What tells one from another, in words."""
+        made = {"harmonics": len(self.harmonics)} if len(self.harmonics) else {}
+        return {"peak to peak": f"{self.peak_to_peak:.6g} rad", **made,
+                "pieces": len(self.kinks), "kinks": int(self.kinks.sum())}
 
     def __reduce__(self):  # a copy from another process is checked and read-only as well
         return type(self), tuple(getattr(self, field.name) for field in fields(self))
@@ -168,24 +186,9 @@ class TransmissionError:
         return float(terms.max())
 
     @cached_property
-    def extrema(self):
-        """Least and greatest value (rad), from the roots of derivatives.
-
-        Only pieces that may pass all knots are searched: a polynomial lies between the least and
-        the greatest of its Bernstein coefficients.
-        """
-        scaled = self.coefficients * np.diff(self.knots)[:, None] ** np.arange(6)
-        bounds = scaled @ _TO_BERNSTEIN.T
-        # What the sums above may be wrong by.
-        slack = 64 * np.finfo(float).eps * np.abs(scaled).sum(axis=1)
-        ends = bounds[:, [0, -1]]
-        low, high = float(ends.min()), float(ends.max())
-        searched = (bounds.min(axis=1) - slack < low) | (bounds.max(axis=1) + slack > high)
-        low, high = math.inf, -math.inf
-        for piece in scaled[searched | (np.arange(len(scaled)) == 0)]:
-            values = power.polyval(stationary_points(piece), piece)
-            low, high = min(low, float(values.min())), max(high, float(values.max()))
-        return low, high
+    def extrema(self) -> tuple[float, float]:
+        """Least and greatest value (rad), from the roots of derivatives."""
+        return extrema_of(self.knots, self.coefficients)
 
     @cached_property
     def peak_to_peak(self):
@@ -196,7 +199,7 @@ class TransmissionError:
         """Every value times a number."""
         if not isinstance(factor, Real) or isinstance(factor, bool | np.bool_):
             return NotImplemented
-        return self._of(table_algebra.multiple(self._parts, arguments.real("factor", factor)))
+        return self._of(algebra.multiple(self._parts, arguments.real("factor", factor)))
 
     __rmul__ = __mul__
 
@@ -207,7 +210,7 @@ class TransmissionError:
         """The sum of two transmission errors: a profile deviation on top of a misalignment."""
         if not isinstance(other, TransmissionError):
             return NotImplemented
-        return self._of(table_algebra.total(self._parts, other._parts))
+        return self._of(algebra.total(self._parts, other._parts))
 
     def shifted(self, phase):
         """The same transmission error so much later in the mesh cycle.
@@ -225,11 +228,11 @@ class TransmissionError:
         TypeError, ValueError
             for a phase that is no finite number.
         """
-        return self._of(table_algebra.shifted(self._parts, arguments.real("phase", phase)))
+        return self._of(algebra.shifted(self._parts, arguments.real("phase", phase)))
 
     @property
     def _parts(self):
-        return table_algebra.Parts(self.knots, self.coefficients, self.kinks, self.harmonics)
+        return algebra.Parts(self.knots, self.coefficients, self.kinks, self.harmonics)
 
     def _of(self, parts):
         return type(self)(*parts, self.te_sign_hint)
@@ -251,16 +254,7 @@ class TransmissionError:
         ValueError
             Rows out of order or range, lengths that differ, numbers not finite.
         """
-        from scipy.interpolate import CubicHermiteSpline
-
-        slope_right = slope_left if slope_right is None else slope_right
-        phase, value, left, right = _rows(
-            ("phase", "value", "slope_left", "slope_right"), phase, value, slope_left, slope_right)
-        width = np.diff(phase, append=phase[0] + 1)
-        unit = CubicHermiteSpline([0, 1], np.stack([value, np.roll(value, -1)]),
-                                  np.stack([right * width, np.roll(left, -1) * width]))
-        coefficients = unit.c[::-1, 0].T / width[:, None] ** np.arange(4)
-        return _close(cls, phase, coefficients, left != right)
+        return cls(*hermite_table(phase, value, slope_left, slope_right))
 
     @classmethod
     def from_samples(cls, phase, value, kinks=()):
@@ -280,25 +274,7 @@ class TransmissionError:
         ValueError
             As `from_hermite`; fewer than three rows without a kink.
         """
-        from scipy.interpolate import CubicSpline
-
-        phase = arguments.reals("phase", phase, ndim=1)
-        kinks = arguments.reals("kinks", _numbers(kinks), ndim=1, empty=True)
-        kinks = np.zeros(phase.size) if kinks.size == 0 else kinks
-        phase, value, flags = _rows(("phase", "value", "kinks"), phase, value, kinks)
-        if not np.all((flags == 0) | (flags == 1)):
-            raise ValueError("kinks must be 0 or 1 for every row")
-        n, starts = phase.size, np.flatnonzero(flags)
-        if not starts.size and n < 3:
-            raise ValueError("a smooth periodic spline needs at least three rows")
-        closure = "not-a-knot" if starts.size else "periodic"
-        starts = starts if starts.size else np.array([0])
-        coefficients = np.empty((n, 4))
-        for first, last in zip(starts, np.append(starts[1:], starts[0] + n), strict=True):
-            row = np.arange(first, last + 1)
-            arc = CubicSpline(phase[row % n] + row // n, value[row % n], bc_type=closure)
-            coefficients[row[:-1] % n] = arc.c[::-1].T
-        return _close(cls, phase, coefficients, flags == 1)
+        return cls(*spline_table(phase, value, kinks))
 
     @classmethod
     def harmonic(cls, amplitudes, shifts=None, orders=None):
@@ -403,102 +379,3 @@ class TransmissionError:
             return cls.from_hermite(phase, value, *columns.values())
         except ValueError as error:
             raise TransmissionErrorFileError(path, [(0, 0, str(error))]) from error
-
-
-def samples_of_pairs(pinion_angle, gear_angle, pinion_teeth, gear_teeth, reference=(0.0, 0.0)):
-    """Samples behind angle pairs: phase, Δφ and kinks (n,), as `TransmissionError.from_tca`."""
-    pinion = arguments.reals("pinion_angle", pinion_angle, ndim=1)
-    gear = arguments.reals("gear_angle", gear_angle, ndim=1)
-    pinion_teeth = arguments.whole("pinion_teeth", pinion_teeth, 1)
-    gear_teeth = arguments.whole("gear_teeth", gear_teeth, 1)
-    reference = arguments.reals("reference", reference, ndim=1)
-    if reference.size != 2:
-        raise ValueError("reference: expected are two angles")
-    ascending = pinion.ndim == 1 and pinion.size > 1 and np.all(np.diff(pinion) > 0)
-    if pinion.shape != gear.shape or not ascending:
-        raise ValueError("pinion_angle and gear_angle: expected are two equally long rows, "
-                         "pinion_angle ascending")
-    turn = pinion - reference[0]
-    error = (gear - reference[1]) - pinion_teeth / gear_teeth * turn
-    phase = pinion_teeth * turn / (2 * math.pi)
-    excess = phase[-1] - phase[0] - 1
-    if excess > 1e-9:
-        raise ValueError("the pairs cover more than one mesh period: cut the path of contact "
-                         "at its transfer points")
-    if excess > -1e-9:
-        if abs(error[-1] - error[0]) > 1e-3 * np.ptp(error):
-            raise ValueError("the two ends of the mesh period differ by "
-                             f"{error[-1] - error[0]:.3g} rad: not the transfer points")
-        phase, error = phase[:-1], error[:-1]
-    phase = np.where(phase % 1 > 1 - _PHASE_ROUNDING, 0.0, phase % 1)
-    order = np.argsort(phase)
-    return phase[order], error[order], order == 0
-
-
-# Bernstein coefficients on [0, 1] of degree 5 from ascending powers: b_i = sum_k C(i,k)/C(5,k) c_k.
-_TO_BERNSTEIN = np.array([[math.comb(i, k) / math.comb(5, k) for k in range(6)] for i in range(6)])
-
-
-def stationary_points(coefficients):
-    """Points of [0, 1] among which a polynomial (ascending powers) takes its least and greatest.
-
-    The ends and the roots of the derivative; a complex root gives its real part, which does no
-    harm as every point returned lies in [0, 1].  The roots are eigenvalues of the companion
-    *pencil*: a leading coefficient of rounding size, as a cubic through a parabola has, gives one
-    very large root and leaves the others exact, where the companion matrix would lose them.
-    """
-    from scipy.linalg import eigvals
-
-    slope = power.polyder(coefficients)
-    largest = np.abs(slope).max()
-    if largest == 0:
-        return np.array([0.0, 1.0])
-    slope, degree = slope / largest, slope.size - 1
-    left, right = np.eye(degree, k=1), np.eye(degree)
-    left[-1], right[-1, -1] = -slope[:-1], slope[-1]
-    numerator, denominator = eigvals(left, right, homogeneous_eigvals=True)
-    finite = np.abs(denominator) > 0
-    roots = (numerator[finite] / denominator[finite]).real
-    return np.concatenate([[0.0, 1.0], np.clip(roots, 0.0, 1.0)])
-
-
-def _numbers(flags):
-    """Flags as numbers; True and False are 1 and 0 here."""
-    try:
-        array = np.asanyarray(flags)
-    except ValueError:  # rows of several lengths, which the converter refuses by name
-        return flags
-    return array.astype(float) if array.dtype == bool else flags
-
-
-def _flags(name, value):
-    """A new array of True and False, from these or from 1 and 0."""
-    numbers = arguments.reals(name, _numbers(value), ndim=1)
-    if not np.all((numbers == 0) | (numbers == 1)):
-        raise ValueError(f"{name} must be True or False for every piece")
-    return numbers == 1
-
-
-def _rows(names, phase, *columns):
-    """The rows of a table as equally long finite float arrays, phase ascending in [0, 1)."""
-    rows = [arguments.reals(name, column, ndim=1) for name, column in
-            zip(names, (phase, *columns), strict=True)]
-    if any(row.shape != rows[0].shape for row in rows):
-        raise ValueError(f"{', '.join(names)} must be equally long")
-    if rows[0][0] < 0 or rows[0][-1] >= 1 or not np.all(np.diff(rows[0]) > 0):
-        raise ValueError("phase must ascend strictly in [0, 1); the row at phase 1 is left out")
-    return rows
-
-
-def _close(cls, phase, cubic, kinks):
-    """Table from pieces that start at each row; the one that wraps is split at phase 0."""
-    coefficients = np.zeros((phase.size, 6))
-    coefficients[:, : cubic.shape[1]] = cubic
-    knots = np.append(phase, 1.0)
-    if phase[0] > 0:
-        shift = 1 - phase[-1]
-        taylor = [power.polyval(shift, power.polyder(coefficients[-1], k)) / math.factorial(k)
-                  for k in range(6)]
-        coefficients = np.vstack([taylor, coefficients])
-        knots, kinks = np.append(0.0, knots), np.append(False, kinks)
-    return cls(knots, coefficients, kinks)
