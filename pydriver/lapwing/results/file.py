@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lapwing.base.messages import facts_html
 from lapwing.base.registry import STUDIES
 from lapwing.base.signals import held
 from lapwing.model.oscillator import TE_SIGNS
@@ -189,7 +190,7 @@ def _cpu():
     return platform.processor() or platform.machine()
 
 
-@dataclass
+@dataclass(repr=False)
 class Results:
     """A result file, open for reading; groups are read when they are asked for.
 
@@ -211,6 +212,18 @@ class Results:
     studies: dict
     verified: bool = False
     _open: dict = field(default_factory=dict, repr=False)
+
+    def __repr__(self) -> str:
+        return f"<Results {', '.join(f'{name}: {fact}' for name, fact in self._facts().items())}>"
+
+    def _repr_html_(self) -> str:
+        return facts_html("Results", self._facts())
+
+    def _facts(self) -> dict[str, object]:
+        """Where they are and what is in them, in words."""
+        held = {kind: ", ".join(names) for kind, names in self.studies.items() if names}
+        return {"file": self.path, "deck": self.attrs.get("deck_name", ""), **held,
+                **({"interrupted": "yes"} if self.interrupted else {})}
 
     @property
     def responses(self):

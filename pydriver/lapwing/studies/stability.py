@@ -99,7 +99,7 @@ class Multipliers:
     warning: str = ""
 
     @property
-    def stable(self):
+    def stable(self) -> bool:
         """Whether both magnitudes are below one."""
         return bool(np.all(np.abs(self.values) < 1))
 

@@ -11,6 +11,7 @@ from lapwing import engine
 from lapwing.base import arguments, estimates
 from lapwing.base.arguments import MAX_INT, renamed, shown
 from lapwing.base.codes import MotionState, Status
+from lapwing.base.messages import facts_html
 from lapwing.engine import Numerics, TrajectoryCall, Wanted, chosen, position
 from lapwing.engine.records import CYCLE, CYCLE_REALS, EVENT, MEAN
 from lapwing.model.oscillator import Oscillator
@@ -46,7 +47,7 @@ class HybridState:
     _blob: np.ndarray | None = field(repr=False, default=None, compare=False)
 
 
-@dataclass
+@dataclass(repr=False)
 class Run:
     """Result of `simulate`.
 
@@ -71,6 +72,18 @@ class Run:
     work: dict
     method: str
     _numerics: Numerics = field(repr=False, default=None)
+
+    def __repr__(self) -> str:
+        return f"<Run {', '.join(f'{name}: {fact}' for name, fact in self._facts().items())}>"
+
+    def _repr_html_(self) -> str:
+        return facts_html("Run", self._facts())
+
+    def _facts(self) -> dict[str, object]:
+        """What tells one from another, in words."""
+        return {"status": self.status.name, "tau": f"{self.final.tau:.10g}",
+                "events": self.events.sizes["event"], "cycles": self.cycles.sizes["cycle"],
+                "ends in": self.final.motion_state.name.lower(), "method": self.method}
 
     def history(self, taus):
         """State at given times, from the dense output (fifth order in the step with rk4).

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from lapwing.base.messages import facts_html
+
 if TYPE_CHECKING:
     import xarray as xr
 
@@ -54,6 +56,14 @@ class CriticalValue:
             return f"<CriticalValue {what}: {self.outcome}>"
         return f"<CriticalValue {what}: {self.value:.12g} {self.units}, from {self.low:.12g} to " \
                f"{self.high:.12g}>"
+
+    def _repr_html_(self) -> str:
+        found = self.outcome == "found"
+        return facts_html("CriticalValue", {
+            "find": self.data.attrs["find"], "parameter": f"{self.parameter} ({self.units})",
+            "outcome": self.outcome, **({
+                "value": f"{self.value:.12g}", "low": f"{self.low:.12g}",
+                "high": f"{self.high:.12g}"} if found else {})})
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__") or name == "data":
