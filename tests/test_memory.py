@@ -136,7 +136,7 @@ osc = {osc}
 class Tight:
     @staticmethod
     def sweep(*arguments):
-        lines, outcome = arguments[6], arguments[-1]
+        lines, outcome = arguments[3], arguments[-1]
         lines[4, 0], outcome[0, 0] = calls.LINE_DONE, lapwing.Status.OK
         used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (used + (4 << 20), resource.RLIM_INFINITY))

@@ -183,6 +183,7 @@ def test_chatter_tol_left_out_is_what_the_deck_says(method, rtol, default):
     assert "1e-13 in closed form, min(rtol, 1e-10) with rk4" in said
     osc = scene_a(5.5, "relative")
     left_out, written, other = (
-        calls._real_parameters(osc, Numerics(method=method, rtol=rtol, **chosen), method, Wanted())
+        calls._real_parameters(calls.Points.of([osc]), Numerics(method=method, rtol=rtol, **chosen),
+                               method, Wanted()).ravel().tolist()
         for chosen in ({}, {"chatter_tol": default}, {"chatter_tol": 3e-5}))
     assert left_out == written != other

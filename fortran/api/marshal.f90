@@ -16,17 +16,20 @@ module lapwing_api_marshal
   use lapwing_system_parameters, only: parameters_t
   use lapwing_polynomial_evaluation, only: max_degree
   use lapwing_observers_deviations, only: deviations_of
+  use lapwing_observers_period, only: period_of, most_looked_for
   use lapwing_observers_records, only: recorder_t, start_recording, log_columns, cycle_columns, &
       sample_columns
   use lapwing_run, only: run_to, deadline_in
   use lapwing_system_start, only: start_of_run
   use lapwing_run_checkpoint, only: blob_size, work_size, pack_blob, unpack_blob
-  use lapwing_run_sweep, only: sweep_t, line_t, sweep_lines, prepare_sweep, stage_done
+  use lapwing_run_sweep, only: sweep_t, line_t, sweep_lines, prepare_sweep, stage_done, &
+      outcome_columns
   use lapwing_observers_tangent, only: tangent_columns
   use lapwing_flank_table, only: te_table_t, make_table, expand_at, locate_piece
   implicit none
   private
-  public :: all_sizes, all_codes, evaluate, go_on_with_trajectory, go_on_with_sweep
+  public :: all_sizes, all_codes, evaluate, period_of_rows, go_on_with_trajectory
+  public :: go_on_with_sweep
 
   !> force, Omega, flank scale, peak-to-peak of g, xi, epsilon, theta0, rtol, chatter tolerance,
   !> count depth, graze distance, slowest and fastest impact binned, mean acceleration
@@ -36,8 +39,8 @@ module lapwing_api_marshal
   !> method; tangent maps wanted; whether repeated cycles are copied; degrees of freedom
   integer, parameter :: n_choices = 17
 
-  integer(c_int), parameter :: all_sizes(8) = [blob_size, work_size, log_columns, cycle_columns, &
-      sample_columns, n_reals, n_choices, tangent_columns]
+  integer(c_int), parameter :: all_sizes(10) = [blob_size, work_size, log_columns, cycle_columns, &
+      sample_columns, n_reals, n_choices, tangent_columns, outcome_columns, most_looked_for]
   integer(c_int), parameter :: all_codes(34) = [separation, engagement, back_engagement, &
       no_flank, drive_flank, coast_flank, event_impact, event_impact + 1, event_release, &
       event_release + 1, event_engage, event_engage + 1, event_chatter_end, &
@@ -47,25 +50,31 @@ module lapwing_api_marshal
       status_step_too_small, status_not_finite, status_unfinished, status_out_of_memory, &
       method_rk4, method_exact]
 
+  !> The transmission error as the engine takes it; of a series the table is one empty piece.
+  type :: flank_data_t
+    real(wp), allocatable :: knots(:)             !! (n + 1) mesh phase
+    real(wp), allocatable :: coefficients(:, :)   !! (0:5, n) rad per period**k
+    logical, allocatable :: kinks(:)              !! (n) slope jump at knots(i)
+    real(wp), allocatable :: series(:, :)         !! (3, terms), order -1: none
+  end type flank_data_t
+
 contains
 
   !> g, g' and g'' of a scaled table.
-  subroutine evaluate(knots, coefficients, kinks, scale, period, t, g)
-    real(c_double), intent(in) :: knots(:)             !! mesh phase
-    real(c_double), intent(in) :: coefficients(:, :)   !! (6, n) rad per period**k
-    integer(c_int), intent(in) :: kinks(:)             !! 1: slope jump
+  subroutine evaluate(flank, scale, period, t, g)
+    real(c_double), intent(in) :: flank(:, :)          !! see `api`
     real(c_double), intent(in) :: scale                !! g / transmission error
     real(c_double), intent(in) :: period               !! mesh period in tau
     real(c_double), intent(in) :: t(:)                 !! times
     real(c_double), intent(out) :: g(:, :)             !! (3, n)
     type(te_table_t) :: table
-    logical, allocatable :: slopes_jump(:)
+    type(flank_data_t) :: data
     real(wp) :: local(0:max_degree)
     integer :: i, error
     g = ieee_value(g, ieee_quiet_nan)
-    call take_kinks(kinks, slopes_jump, error)
-    if (error == 0) call make_table(knots, coefficients, slopes_jump, scale, period, 0.0_wp, &
-        table, error)
+    call take_flank(flank, data, error)
+    if (error == 0) call make_table(data%knots, data%coefficients, data%kinks, scale, period, &
+        0.0_wp, table, error)
     if (error /= 0) return
     do i = 1, size(t)
       call expand_at(table, locate_piece(table, t(i), 1), t(i), local)
@@ -73,14 +82,42 @@ contains
     end do
   end subroutine evaluate
 
-  !> Kinks as the engine has them.
-  subroutine take_kinks(kinks, slopes_jump, error)
-    integer(c_int), intent(in) :: kinks(:)                     !! 1: slope jump
-    logical, allocatable, intent(out) :: slopes_jump(:)        !! the same
-    integer, intent(out) :: error                              !! 0, or there is no memory for them
-    allocate (slopes_jump(size(kinks)), stat=error)
-    if (error == 0) slopes_jump(:) = kinks == 1
-  end subroutine take_kinks
+  !> The transmission error in the engine's own arrays.
+  subroutine take_flank(flank, data, error)
+    real(c_double), intent(in) :: flank(:, :)          !! (8, columns), see `api`
+    type(flank_data_t), intent(out) :: data            !! the same
+    integer, intent(out) :: error                      !! 0, or there is no memory for it
+    integer :: pieces, terms
+    logical :: is_series
+    is_series = flank(8, 1) < 0
+    pieces = merge(1, size(flank, 2) - 1, is_series)
+    terms = merge(size(flank, 2), 1, is_series)
+    allocate (data%knots(pieces + 1), stat=error)
+    if (error == 0) allocate (data%coefficients(0:5, pieces), stat=error)
+    if (error == 0) allocate (data%kinks(pieces), stat=error)
+    if (error == 0) allocate (data%series(3, terms), stat=error)
+    if (error /= 0) return
+    if (is_series) then
+      data%knots(:) = [0.0_wp, 1.0_wp]
+      data%coefficients(:, :) = 0
+      data%kinks(:) = .false.
+      data%series(:, :) = flank(1:3, :)
+    else
+      data%knots(:) = flank(1, :)
+      data%coefficients(:, :) = flank(2:7, :pieces)
+      data%kinks(:) = flank(8, :pieces) > 0
+      data%series(:, 1) = [-1, 0, 0]
+    end if
+  end subroutine take_flank
+
+  !> See `api`.
+  pure integer function period_of_rows(cycles, scale, most) result(period)
+    real(c_double), intent(in) :: cycles(:, :)         !! (2 + labels, n)
+    real(c_double), intent(in) :: scale                !! size of the motion, rad
+    integer(c_int), intent(in) :: most                 !! longest period looked for
+    integer :: k
+    period = period_of(cycles, 1, [(k, k=3, size(cycles, 1))], scale, most)
+  end function period_of_rows
 
   pure function parameters_from(reals, choices) result(p)
     real(c_double), intent(in) :: reals(:)        !! (n_reals)
@@ -131,17 +168,13 @@ contains
   end function recorder_from
 
   !> See `api`.
-  subroutine go_on_with_trajectory(knots, coefficients, kinks, series, reals, choices, start, &
-      target, seconds, blob, sample_time, samples, log, cycles, tangent, done)
-    real(c_double), intent(in) :: knots(:)                          !! mesh phase
-    real(c_double), intent(in) :: coefficients(:, :)                !! (6, n)
-    integer(c_int), intent(in) :: kinks(:)                          !! 1: slope jump
-    real(c_double), intent(in) :: series(:, :)                      !! (3, terms), order -1: none
+  subroutine go_on_with_trajectory(flank, reals, choices, start, until, blob, sample_time, &
+      samples, log, cycles, tangent, done)
+    real(c_double), intent(in) :: flank(:, :)                       !! see `api`
     real(c_double), intent(in) :: reals(:)                          !! (n_reals)
     integer(c_int), intent(in) :: choices(:)                        !! (n_choices)
     real(c_double), intent(in) :: start(4)                          !! how to begin
-    real(c_double), intent(in) :: target(2)                         !! cycle, time in it
-    real(c_double), intent(in) :: seconds                           !! time for this call
+    real(c_double), intent(in) :: until(3)                          !! cycle, time in it, seconds
     real(c_double), intent(inout) :: blob(:)                        !! run under way
     real(c_double), intent(in), target, contiguous :: sample_time(:, :)     !! (2, n)
     real(c_double), intent(inout), target, contiguous :: samples(:, :)      !! see `api`
@@ -151,7 +184,7 @@ contains
     real(c_double), intent(out) :: done(8)                          !! how far it came
     class(oscillator_t), allocatable, target :: system
     class(flow_t), allocatable :: flow
-    logical, allocatable :: slopes_jump(:)
+    type(flank_data_t) :: data
     type(numerics_t) :: numerics
     type(hybrid_state_t) :: state
     type(recorder_t) :: recorder
@@ -160,9 +193,9 @@ contains
     integer :: status, error
     numerics = numerics_from(reals, choices)
     done = 0
-    call take_kinks(kinks, slopes_jump, error)
-    if (error == 0) call make_system(parameters_from(reals, choices), knots, coefficients, &
-        slopes_jump, series, system, error)
+    call take_flank(flank, data, error)
+    if (error == 0) call make_system(parameters_from(reals, choices), data%knots, &
+        data%coefficients, data%kinks, data%series, system, error)
     if (error == 0) call make_flow(numerics%method, system, flow, error)
     if (error /= 0) then
       done(1) = status_out_of_memory
@@ -184,7 +217,7 @@ contains
       recorder%sample_time => sample_time
       recorder%samples => samples
     end if
-    call run_to(system, flow, numerics, nint(target(1)), target(2), deadline_in(seconds), state, &
+    call run_to(system, flow, numerics, nint(until(1)), until(2), deadline_in(until(3)), state, &
         recorder, work, status)
     call pack_blob(state, recorder%sums, work, blob)
     call system%observe(state%instant, phi, phi_dot)
@@ -193,18 +226,14 @@ contains
   end subroutine go_on_with_trajectory
 
   !> See `api`.
-  subroutine go_on_with_sweep(knots, coefficients, kinks, series, reals, choices, lines, starts, &
-      seconds, n_threads, blobs, cycles, tangent, density, log, outcome)
-    real(c_double), intent(in), target :: knots(:)                  !! mesh phase
-    real(c_double), intent(in), target :: coefficients(:, :)        !! (6, n)
-    integer(c_int), intent(in) :: kinks(:)                          !! 1: slope jump
-    real(c_double), intent(in), target :: series(:, :)              !! (3, terms), order -1: none
+  subroutine go_on_with_sweep(flank, reals, choices, lines, starts, within, blobs, cycles, &
+      tangent, density, log, outcome)
+    real(c_double), intent(in) :: flank(:, :)                       !! see `api`
     real(c_double), intent(in) :: reals(:, :)                       !! (n_reals, n_points)
     integer(c_int), intent(in) :: choices(:)                        !! (n_choices)
     integer(c_int), intent(inout) :: lines(:, :)                    !! (5, n_lines)
     real(c_double), intent(in) :: starts(:, :)                      !! (4, n_lines)
-    real(c_double), intent(in) :: seconds                           !! time for this call
-    integer(c_int), intent(in) :: n_threads                         !! threads
+    real(c_double), intent(in) :: within(2)                         !! seconds, threads
     real(c_double), intent(inout) :: blobs(:, :)                    !! runs under way
     real(c_double), intent(inout), target, contiguous :: cycles(:, :, :)   !! see `api`
     real(c_double), intent(inout), target, contiguous :: tangent(:, :, :)  !! see `api`
@@ -213,11 +242,11 @@ contains
     real(c_double), intent(inout), target, contiguous :: outcome(:, :)     !! (columns, points)
     type(sweep_t) :: sweep
     type(line_t), allocatable :: line(:)
-    logical, allocatable, target :: slopes_jump(:)
+    type(flank_data_t), target :: data
     integer :: i, error
     allocate (sweep%point(size(reals, 2)), stat=error)
     if (error == 0) allocate (line(size(lines, 2)), stat=error)
-    if (error == 0) call take_kinks(kinks, slopes_jump, error)
+    if (error == 0) call take_flank(flank, data, error)
     if (error /= 0) then
       where (outcome(1, :) == status_unfinished) outcome(1, :) = status_out_of_memory
       lines(5, :) = stage_done
@@ -227,10 +256,10 @@ contains
       sweep%point(i) = parameters_from(reals(:, i), choices)
     end do
     sweep%numerics = numerics_from(reals(:, 1), choices)
-    sweep%knots => knots
-    sweep%coefficients(0:, 1:) => coefficients
-    sweep%kinks => slopes_jump
-    sweep%series => series
+    sweep%knots => data%knots
+    sweep%coefficients => data%coefficients
+    sweep%kinks => data%kinks
+    sweep%series => data%series
     sweep%recorder = recorder_from(reals(:, 1), choices)
     sweep%settle = choices(12)
     sweep%record = choices(13)
@@ -244,7 +273,7 @@ contains
           starts(:, i))
     end do
     call prepare_sweep(sweep)
-    call sweep_lines(sweep, line, blobs, deadline_in(seconds), n_threads)
+    call sweep_lines(sweep, line, blobs, deadline_in(within(1)), nint(within(2)))
     do i = 1, size(line)
       lines(4:5, i) = [line(i)%point, line(i)%stage]
     end do

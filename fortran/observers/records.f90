@@ -10,11 +10,15 @@ module lapwing_observers_records
   implicit none
   private
   public :: recorder_t, sums_t, start_recording, waits_for_room, log_has_room, log_line
+  public :: column_state, column_phi, column_counted, column_engages, column_chatter_ends
+  public :: column_depth, column_visited
   public :: log_columns, cycle_columns, sample_columns, n_counters, max_flights, log_reserve
 
   integer, parameter :: log_columns = 6       !! kind, cycle, t, phi, velocity before, after
   ! With the other states of a system that has more than phi and phi' behind them:
-  integer, parameter :: cycle_columns = 17    !! see `close_cycle`
+  integer, parameter :: cycle_columns = 17    !! see `close_cycle`; some of them by name:
+  integer, parameter :: column_state = 2, column_phi = 3, column_counted = 7, column_engages = 11
+  integer, parameter :: column_chatter_ends = 13, column_depth = 15, column_visited = 17
   integer, parameter :: sample_columns = 3    !! motion state, phi, phi'
   integer, parameter :: n_counters = 8        !! impact, release, engage, chatter end, by flank
   !> Counted impacts of one cycle saturate here, those of shallower flights not included.

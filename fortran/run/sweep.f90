@@ -12,17 +12,21 @@ module lapwing_run_sweep
   use lapwing_system_oscillator, only: oscillator_t
   use lapwing_system_parameters, only: parameters_t
   use lapwing_observers_deviations, only: deviations_of
+  use lapwing_observers_motion_class, only: motion_class, class_columns
   use lapwing_observers_records, only: recorder_t, start_recording
   use lapwing_run, only: run_to
   use lapwing_system_start, only: start_of_run
-  use lapwing_run_checkpoint, only: pack_blob, unpack_blob, pack_work
+  use lapwing_run_checkpoint, only: pack_blob, unpack_blob, pack_work, work_size
   implicit none
   private
-  public :: sweep_t, line_t, sweep_lines, prepare_sweep, stage_done
+  public :: sweep_t, line_t, sweep_lines, prepare_sweep, stage_done, outcome_columns
 
   ! Stages of the point under way, and of a line that is done. The last settling cycle has its own.
   integer, parameter :: stage_start = 0, stage_settle = 1, stage_prepare = 2, stage_record = 3
   integer, parameter :: stage_done = 4
+
+  !> Status, lines of the log, motion state, phi, phi' at the end, class, counts of work.
+  integer, parameter :: outcome_columns = 5 + class_columns + work_size
 
   !> What every point of a sweep has in common, and where results go.
   type :: sweep_t
@@ -40,7 +44,7 @@ module lapwing_run_sweep
     real(wp), pointer, contiguous :: tangent(:, :, :) => null()    !! (columns, record, n_points)
     real(wp), pointer, contiguous :: log(:, :, :) => null()        !! (columns, room, n_points)
     real(wp), pointer, contiguous :: density(:, :) => null()       !! (bins + 2, n_points) or null
-    real(wp), pointer, contiguous :: outcome(:, :) => null()       !! (4 + work_size, n_points)
+    real(wp), pointer, contiguous :: outcome(:, :) => null()       !! (outcome_columns, n_points)
   end type sweep_t
 
   !> A line and how far it is.
@@ -256,8 +260,15 @@ contains
     type(work_t), intent(in) :: work                 !! counts
     integer, intent(in) :: status                    !! status_*
     real(wp), intent(inout) :: blob(:)               !! carried to the next point
+    real(wp) :: found(class_columns)
+    found = 0
+    if (status == status_ok .and. recorder%want_cycles) then
+      associate (point => sweep%point(line%point))
+        found = motion_class(recorder%cycles, point%force, point%backlash, point%contact_law)
+      end associate
+    end if
     sweep%outcome(:, line%point) = [real(status, wp), real(recorder%sums%n_log, wp), final, &
-        pack_work(work)]
+        found, pack_work(work)]
     blob(1:3) = final
     if (status /= status_ok) blob(1) = -1
     line%stage = stage_start

@@ -3,16 +3,19 @@
 from lapwing.engine.calls import (
     CALL_SECONDS,
     GO_ON,
+    MOST_LOOKED_FOR,
     REST,
     SweepResult,
     TrajectoryCall,
     common_method,
+    find_period,
     flank_motion,
     method_of,
     position,
     sweep,
 )
 from lapwing.engine.numerics import METHODS, Numerics, Wanted, chosen
+from lapwing.engine.points import Points
 from lapwing.engine.records import (
     columns,
     impacts_of,
@@ -23,7 +26,7 @@ from lapwing.engine.records import (
     work_counts,
 )
 
-__all__ = ["CALL_SECONDS", "GO_ON", "METHODS", "REST", "Numerics", "SweepResult", "TrajectoryCall",
-           "Wanted", "chosen", "columns", "common_method", "flank_motion", "impacts_of",
-           "method_of", "named", "numbers", "of_kind", "position", "sweep", "unknown",
-           "work_counts"]
+__all__ = ["CALL_SECONDS", "GO_ON", "METHODS", "MOST_LOOKED_FOR", "REST", "Numerics", "Points",
+           "SweepResult", "TrajectoryCall", "Wanted", "chosen", "columns", "common_method",
+           "find_period", "flank_motion", "impacts_of", "method_of", "named",
+           "numbers", "of_kind", "position", "sweep", "unknown", "work_counts"]

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from lapwing._engine import api
 from lapwing.base.codes import ContactLaw, Gap, ImpactLaw, Method, Status
 from lapwing.base.threads import usable_threads
+from lapwing.engine.points import Points
 from lapwing.engine.records import (
     CYCLE_TABLE,
     EVENT_TABLE,
@@ -26,20 +28,20 @@ from lapwing.engine.records import (
     work_counts,
 )
 from lapwing.model.linear_response import response_amplification
+from lapwing.model.oscillator import TE_SIGNS
 
 CALL_SECONDS = 0.4
-LOG_ROOM = 1 << 16
+# Lines of the log and of the table of cycles that one call has room for. Most runs are short.
+FIRST_LOG_ROOM, LOG_ROOM, CYCLE_ROOM = 1 << 10, 1 << 16, 1 << 12
 LINE_DONE = 4  # fortran/run/sweep.f90, stage_done
 
 (BLOB_SIZE, WORK_SIZE, LOG_COLUMNS, CYCLE_COLUMNS, SAMPLE_COLUMNS, N_REALS, N_CHOICES,
- TANGENT_COLUMNS) = (int(n) for n in api.sizes())
+ TANGENT_COLUMNS, OUTCOME_COLUMNS, MOST_LOOKED_FOR) = (int(n) for n in api.sizes())
 
 # How `trajectory` is told to begin, besides the number of a motion state.
 GO_ON, REST = -2.0, -1.0
 # f2py takes no empty array; this one stands for no samples.
 NO_SAMPLE = np.array([[-1.0], [0.0]])
-# ... and this one for a transmission error that is no harmonic series.
-NO_SERIES = np.array([[-1.0], [0.0], [0.0]])
 # Three of sixteen digits may be lost between response and free oscillation.
 MOST_AMPLIFIED = 1e3
 EXACT_CHATTER_TOL = 1e-13
@@ -50,31 +52,45 @@ GRADED_SPAN = 1.31e5
 # A longer harmonic series is taken from its table (flank/series.f90, max_terms).
 MAX_TERMS = 8
 
+# Transmission error -> its arrays as the engine takes them, by form.
+_FLANKS = WeakKeyDictionary()
 
-def _series_is_taken(osc):
+
+def _series_is_taken(te):
     """Whether the closed form takes a transmission error as its series, not as a table."""
-    return 0 < len(osc.te.harmonics) <= MAX_TERMS
+    return 0 < len(te.harmonics) <= MAX_TERMS
 
 
-def _table_arguments(oscillators, method=None):
-    """Knots, coefficients, kinks and series shared by all oscillators.
+def _flank_argument(te, centred, method=None):
+    """The transmission error as api.f90 takes it, (8, columns): a table or a harmonic series.
 
-    Only differences of g matter unless the coast flank stands still; the table is then shifted
-    to the middle of its range, so that a large constant costs no digits.
+    Only differences of g matter unless the coast flank stands still; a table is then shifted
+    (`centred`) to the middle of its range, so that a large constant costs no digits. It is made
+    once, for as long as the transmission error lives.
     """
-    te = oscillators[0].te
-    # The closed form takes the series itself.
-    if method == "exact" and _series_is_taken(oscillators[0]):
-        return (np.array([0.0, 1.0]), np.zeros((6, 1), order="F"), np.zeros(1, dtype=np.intc),
-                np.asfortranarray(te.harmonics.T))
+    made = _FLANKS.setdefault(te, {})
+    form = method if method and _series_is_taken(te) else "table"
+    if (form, centred) not in made:
+        made[form, centred] = _made_flank(te, centred, form)
+    return made[form, centred]
+
+
+def _made_flank(te, centred, form):
+    if form == "exact":
+        flank = np.zeros((8, len(te.harmonics)), order="F")
+        flank[:3], flank[7] = te.harmonics.T, -1
+        return flank
     knots, coefficients, kinks = te.knots, te.coefficients, te.kinks
-    if method == "rk4" and _series_is_taken(oscillators[0]):
+    if form == "rk4":
         knots, coefficients = te.fine_table
         kinks = np.zeros(knots.size - 1)
-    coefficients = np.asfortranarray(coefficients.T.copy())
-    if oscillators[0].back_flank_te:
-        coefficients[0] -= 0.5 * sum(te.extrema)
-    return knots, coefficients, kinks.astype(np.intc), NO_SERIES
+    flank = np.zeros((8, knots.size), order="F")
+    flank[0] = knots
+    flank[1:7, :-1] = coefficients.T
+    flank[7, :-1] = kinks
+    if centred:
+        flank[1, :-1] -= 0.5 * sum(te.extrema)
+    return flank
 
 
 def method_of(osc, numerics):
@@ -97,7 +113,7 @@ def method_of(osc, numerics):
         return "rk4"
     amplified = response_amplification(osc)
     span = osc.period * max(1.0, 2 * osc.damping_ratio)
-    graded = span > GRADED_SPAN and not _series_is_taken(osc)
+    graded = span > GRADED_SPAN and not _series_is_taken(osc.te)
     if amplified <= MOST_AMPLIFIED or graded:
         return "exact"
     if numerics.method == "auto":
@@ -106,25 +122,43 @@ def method_of(osc, numerics):
                      f"{amplified:.3g}) the closed form loses its digits; take 'rk4'")
 
 
-def common_method(oscillators, numerics):
-    """`method_of` many oscillators moved together: 'rk4' where one of them needs it."""
-    # Most are the same but for their force, which does not matter here.
-    distinct = {(id(osc.te), osc.mesh_frequency_ratio, osc.damping_ratio): osc
-                for osc in oscillators}
-    methods = {method_of(osc, numerics) for osc in distinct.values()}
-    return "rk4" if "rk4" in methods else "exact"
+def common_method(points, numerics):
+    """`method_of` many oscillators moved together: 'rk4' where one of them needs it.
+
+    Parameters
+    ----------
+    points : Points, or sequence of Oscillator
+    numerics : Numerics
+    """
+    points = points if isinstance(points, Points) else Points.of(points)
+    osc = points.shared
+    # Neither forces nor anything else but these matter here.
+    rows = np.column_stack([points.mesh_frequency_ratio, points.damping_ratio])
+    if np.all(rows == rows[0]):
+        rows = rows[:1]
+    for ratio, damping in np.unique(rows, axis=0):
+        if method_of(replace(osc, mesh_frequency_ratio=ratio, damping_ratio=damping),
+                     numerics) == "rk4":
+            return "rk4"
+    return "exact"
 
 
-def _real_parameters(osc, numerics, method, wanted):
+def _real_parameters(points, numerics, method, wanted):
+    """Real parameters of each point, (n_reals, n), in the order of api/marshal.f90."""
+    osc, n = points.shared, len(points)
     chatter_tol = numerics.chatter_tol
     if chatter_tol is None:
         chatter_tol = EXACT_CHATTER_TOL if method == "exact" else min(numerics.rtol, 1e-10)
-    low, high = osc.flank_extrema
-    return [osc.force, osc.mesh_frequency_ratio, osc.flank_scale, high - low, osc.damping_ratio,
-            osc.restitution, osc.backlash, numerics.rtol, chatter_tol, numerics.count_depth,
-            wanted.graze_distance, *(wanted.speed_edges[::len(wanted.speed_edges) - 1]
-                                     if wanted.speed_edges else (1.0, 2.0)),
-            osc.mean_rotation.acceleration if osc.mean_rotation else 0.0]
+    slowest, fastest = (wanted.speed_edges[0], wanted.speed_edges[-1]) \
+        if wanted.speed_edges else (1.0, 2.0)
+    rows = (points.force, points.mesh_frequency_ratio, TE_SIGNS[osc.te_sign] * points.gear_ratio,
+            points.peak_to_peak, points.damping_ratio, points.restitution, points.backlash,
+            numerics.rtol, chatter_tol, numerics.count_depth, wanted.graze_distance, slowest,
+            fastest, points.mean_acceleration)
+    reals = np.empty((len(rows), n), order="F")
+    for row, values in zip(reals, rows, strict=True):
+        row[:] = values
+    return reals
 
 
 def _choices(osc, numerics, method, wanted, settle=0, record=0):
@@ -134,6 +168,20 @@ def _choices(osc, numerics, method, wanted, settle=0, record=0):
              wanted.strobe or wanted.tangent, wanted.cycles, settle, record,
              Method[method.upper()], wanted.tangent, numerics.copy_repeats, osc.degrees_of_freedom)
     return np.array([int(code) for code in codes], dtype=np.intc)
+
+
+def find_period(phi, phi_dot, labels, scale, most):
+    """Period of a motion in mesh cycles by the rules of fortran/observers/period.f90; 0: none.
+
+    Parameters
+    ----------
+    phi, phi_dot : array (n,), strobed states of consecutive cycles, rad and rad per τ
+    labels : array (n, m), what must match besides
+    scale : float, rad, > 0; size of the motion
+    most : int, longest period looked for, up to `MOST_LOOKED_FOR`
+    """
+    rows = np.asfortranarray(np.column_stack([phi, phi_dot, labels]).T, dtype=float)
+    return int(api.find_period(rows, scale, most))
 
 
 def flank_motion(osc, t):
@@ -148,9 +196,7 @@ def flank_motion(osc, t):
     array (3, n), rad, rad, rad (per τ and τ²)
     """
     t = np.ascontiguousarray(t, dtype=float)
-    knots, _, kinks, _ = _table_arguments([osc])
-    coefficients = np.asfortranarray(osc.te.coefficients.T)
-    return api.evaluate_table(knots, coefficients, kinks, osc.flank_scale, osc.period, t)
+    return api.evaluate_table(_flank_argument(osc.te, False), osc.flank_scale, osc.period, t)
 
 
 class TrajectoryCall:
@@ -163,8 +209,8 @@ class TrajectoryCall:
 
     def __init__(self, osc, start, blob=None, cycle=0, *, numerics, wanted):
         method = method_of(osc, numerics)
-        self._fixed = (*_table_arguments([osc], method),
-                       np.array(_real_parameters(osc, numerics, method, wanted)),
+        self._fixed = (_flank_argument(osc.te, osc.back_flank_te, method),
+                       _real_parameters(Points.of([osc]), numerics, method, wanted)[:, 0],
                        _choices(osc, numerics, method, wanted))
         self._start = np.array(start, dtype=float)
         self.blob = np.zeros(BLOB_SIZE) if blob is None else blob.copy()
@@ -175,25 +221,26 @@ class TrajectoryCall:
     def run(self, target, sample_times):
         """Go on until the target (cycle, t); `sample_times` is (n, 2), cycle and t, rising."""
         wants_log = self._wanted.events or self._wanted.grazes
-        log = np.zeros((LOG_COLUMNS, LOG_ROOM if wants_log else 1), order="F")
         by_cycle = self._wanted.cycles or self._wanted.strobe or self._wanted.tangent
-        room = 4096 if by_cycle else 1
+        room = min(CYCLE_ROOM, target[0] - self.cycle + 1) if by_cycle else 1
+        log_room = min(FIRST_LOG_ROOM, LOG_ROOM) if wants_log else 1
         samples = np.full((SAMPLE_COLUMNS + self._more, len(sample_times)), np.nan, order="F")
         times = np.asfortranarray(np.asarray(sample_times, dtype=float).reshape(-1, 2).T)
+        width = tangent_table(2 + self._more).itemsize // 8
         logs, cycles, tangents, sampled, cycle = [], [], [], 0, self.cycle
         while True:
             # The engine drops what has no room, so the target of a call stays within the table.
             step_target = target
-            if room > 1 and target[0] - cycle > room:
+            if by_cycle and target[0] - cycle > room:
                 step_target = (cycle + room, 0.0)
-            table = np.zeros((CYCLE_COLUMNS + self._more, room), order="F")
-            width = tangent_table(2 + self._more).itemsize // 8
-            tangent = np.zeros((width, room if self._wanted.tangent else 1), order="F")
+            log = np.empty((LOG_COLUMNS, log_room), order="F")
+            table = np.empty((CYCLE_COLUMNS + self._more, room), order="F")
+            tangent = np.empty((width, room if self._wanted.tangent else 1), order="F")
             rest = np.full((len(samples), max(1, samples.shape[1] - sampled)), np.nan, order="F")
             rest_times = np.asfortranarray(times[:, sampled:] if sampled < times.shape[1]
                                            else NO_SAMPLE)
             done = api.trajectory(
-                *self._fixed, self._start, np.array(step_target, dtype=float), CALL_SECONDS,
+                *self._fixed, self._start, np.array([*step_target, CALL_SECONDS], dtype=float),
                 self.blob, rest_times, rest, log, table, tangent)
             self._start[0] = GO_ON
             taken = int(np.count_nonzero(~np.isnan(rest[0])))
@@ -203,6 +250,7 @@ class TrajectoryCall:
             cycles.append(table[:, :int(done[2])].T.copy())
             tangents.append(tangent[:, :int(done[2])].T.copy())
             cycle = int(done[3])
+            log_room = min(8 * log_room, LOG_ROOM) if wants_log else 1
             status = Status(int(done[0]))
             if status != Status.UNFINISHED and (status != Status.OK or step_target == target):
                 break
@@ -241,13 +289,13 @@ class SweepResult:
     cpu_seconds: float = 0.0
 
 
-def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_room, threads,
+def sweep(points, lines, starts, *, numerics, wanted, settle, record, log_room, threads,
           progress=None, keep_interrupted=False):
     """Run many oscillators of one table in lines.
 
     Parameters
     ----------
-    oscillators : sequence of Oscillator, one per point, all with the same table and laws
+    points : Points, or sequence of Oscillator, all with the same table and laws
     lines : sequence of (first, last, carried), points from first to last inclusive, 0-based,
         either way; carried: each point begins where the one before ended
     starts : sequence of (motion state or REST, phi, phi', phase), one per line, for its first
@@ -268,18 +316,18 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
     ValueError
         where events or near-grazes are wanted and their log is full.
     """
-    n = len(oscillators)
-    method = common_method(oscillators, numerics)
-    table_arguments = _table_arguments(oscillators, method)
-    reals = np.asfortranarray(
-        np.array([_real_parameters(osc, numerics, method, wanted) for osc in oscillators]).T)
+    points = points if isinstance(points, Points) else Points.of(points)
+    n, shared = len(points), points.shared
+    method = common_method(points, numerics)
+    flank = _flank_argument(shared.te, shared.back_flank_te, method)
+    reals = _real_parameters(points, numerics, method, wanted)
     table = np.array([[first + 1, last + 1, carried, first + 1, 0]
                       for first, last, carried in lines], dtype=np.intc)
     table = np.asfortranarray(table.T)
     starts = np.asfortranarray(np.array(starts, dtype=float).reshape(-1, 4).T)
     blobs = np.zeros((BLOB_SIZE, len(lines)), order="F")
     wants_cycles = wanted.cycles or wanted.strobe or wanted.tangent
-    more = 2 * oscillators[0].degrees_of_freedom - 2
+    more = 2 * shared.degrees_of_freedom - 2
     cycles = np.full((CYCLE_COLUMNS + more, record if wants_cycles else 1, n), np.nan, order="F")
     width = tangent_table(2 + more).itemsize // 8
     tangent = np.full((width, *((record, n) if wanted.tangent else (1, 1))), np.nan, order="F")
@@ -287,17 +335,17 @@ def sweep(oscillators, lines, starts, *, numerics, wanted, settle, record, log_r
                        order="F")
     waits = wanted.events or wanted.grazes
     log = np.full((LOG_COLUMNS, log_room if waits or wanted.impacts else 1, n), np.nan, order="F")
-    outcome = np.full((5 + WORK_SIZE, n), np.nan, order="F")
+    outcome = np.full((OUTCOME_COLUMNS, n), np.nan, order="F")
     outcome[0] = Status.UNFINISHED
-    choices = _choices(oscillators[0], numerics, method, wanted, settle, record)
+    choices = _choices(shared, numerics, method, wanted, settle, record)
     interrupted, cpu_seconds = False, 0.0
     try:
         while np.any(table[4] < LINE_DONE):
             before = (table.copy(), blobs.copy()) if waits else None
             begun = time.process_time()
-            api.sweep(*table_arguments, reals, choices, table, starts, CALL_SECONDS,
-                      usable_threads(threads, len(lines)),
-                      blobs, cycles, tangent, density, log, outcome)
+            within = np.array([CALL_SECONDS, usable_threads(threads, len(lines))])
+            api.sweep(flank, reals, choices, table, starts, within, blobs, cycles, tangent,
+                      density, log, outcome)
             cpu_seconds += time.process_time() - begun
             if before and all(map(np.array_equal, before, (table, blobs))):
                 raise ValueError(f"sweep: a log of log_room = {log_room} lines is full; events and "

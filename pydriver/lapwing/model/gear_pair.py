@@ -141,10 +141,7 @@ class GearPair:
         brake_torque = arguments.real("brake_torque", brake_torque)
         if drive_torque is not None:
             drive_torque = arguments.real("drive_torque", drive_torque)
-        if drive_torque is None:
-            return self.force_per_torque * brake_torque
-        gear = self.gear_ratio * brake_torque / self.gear_inertia
-        return (gear + drive_torque / self.pinion_inertia) / self.natural_frequency**2
+        return force_at(self, brake_torque, drive_torque)
 
     def _mean_rotation(self, mesh_frequency_ratio, brake_torque, drive_torque=None):
         """`MeanRotation` at Ω and torques in N·m; without a drive torque there is the balance."""
@@ -213,11 +210,24 @@ class GearPair:
         problems = _drive_problems(speeds, 0.0, None)
         if problems:
             raise ParameterError("mesh frequency", problems)
-        if mesh_frequency_hz is not None:
-            return 2 * math.pi * mesh_frequency_hz
-        if pinion_speed_rpm is not None:
-            pinion_speed_rad_s = pinion_speed_rpm * math.pi / 30
-        return self.pinion_teeth * pinion_speed_rad_s
+        return frequency_at(self, **speeds)
+
+
+def force_at(pair, brake_torque, drive_torque=None):
+    """`GearPair.force` of numbers or arrays that are known to be finite."""
+    if drive_torque is None:
+        return pair.force_per_torque * brake_torque
+    gear = pair.gear_ratio * brake_torque / pair.gear_inertia
+    return (gear + drive_torque / pair.pinion_inertia) / pair.natural_frequency**2
+
+
+def frequency_at(pair, pinion_speed_rpm=None, pinion_speed_rad_s=None, mesh_frequency_hz=None):
+    """`GearPair.mesh_frequency` of one number or array known to be above 0."""
+    if mesh_frequency_hz is not None:
+        return 2 * math.pi * mesh_frequency_hz
+    if pinion_speed_rpm is not None:
+        pinion_speed_rad_s = pinion_speed_rpm * math.pi / 30
+    return pair.pinion_teeth * pinion_speed_rad_s
 
 
 # Which given numbers a derived one comes from.

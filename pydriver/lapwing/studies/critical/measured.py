@@ -20,7 +20,7 @@ from lapwing.model.curve.interval import (
 )
 from lapwing.model.linear_response import CriticalForce
 from lapwing.studies.critical.run import TORQUES, of_force
-from lapwing.studies.sweep.run import oscillator_at
+from lapwing.studies.sweep.varied import oscillator_at
 
 # Draws where each of many values needs its own bounds.
 _FEWER_DRAWS = 199

@@ -21,7 +21,7 @@ from lapwing.studies.critical.safe import SafeSearch, Trial
 from lapwing.studies.critical.starts import StartGrid, follow, start_grid
 from lapwing.studies.critical.value import CriticalValue
 from lapwing.studies.intervals import bursts, rate_limit
-from lapwing.studies.sweep.run import oscillator_at, parameters
+from lapwing.studies.sweep.varied import oscillator_at, parameters
 
 SAFE_ENDS = ("high", "low")
 # In these F is linear, and what it is compared with does not depend on them.

@@ -10,7 +10,7 @@ from lapwing.studies.critical import measured
 from lapwing.studies.critical import run as search
 from lapwing.studies.critical.starts import follow, start_grid
 from lapwing.studies.labels import labels
-from lapwing.studies.sweep.run import oscillator_at
+from lapwing.studies.sweep.varied import oscillator_at
 
 
 def extent(_):

@@ -30,7 +30,7 @@ from lapwing.model.gear_pair import GearPair
 from lapwing.model.oscillator import Oscillator
 from lapwing.studies import mean_rotation
 from lapwing.studies.intervals import mean_interval
-from lapwing.studies.period import MAX_PERIOD, find_period, motion_class
+from lapwing.studies.period import LABELS, MAX_PERIOD, find_period, motion_class
 from lapwing.studies.response import motion
 from lapwing.studies.response.mesh_force import (
     contact_forces,
@@ -39,7 +39,6 @@ from lapwing.studies.response.mesh_force import (
     sample_phases,
 )
 from lapwing.studies.response.recording import Recording, recorded
-from lapwing.studies.sweep.run import LABELS
 from lapwing.studies.trajectory import checked_start, engine_start
 
 # Averages over cycles, and largest values over cycles.

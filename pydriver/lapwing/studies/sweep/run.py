@@ -2,34 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 
 from lapwing import engine
 from lapwing.base import arguments, estimates, quantities
 from lapwing.base.arguments import Refusals
-from lapwing.base.arrivals import arrivals_of
 from lapwing.base.codes import EventKind, Status
 from lapwing.base.quantities import NUMBERS
 from lapwing.base.threads import checked_threads, usable_threads
-from lapwing.engine import Wanted, chosen, columns, numbers, work_counts
-from lapwing.engine.records import CYCLE, STROBED
+from lapwing.engine import Wanted, chosen, numbers, work_counts
+from lapwing.engine.records import CLASS, CYCLE, STROBED
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.transmission_error import TransmissionError
 from lapwing.studies import mean_rotation
-from lapwing.studies.period import find_period, motion_class
+from lapwing.studies.period import class_name
 from lapwing.studies.stability import CycleMaps, findings, growth
+from lapwing.studies.sweep.varied import OF_PAIR, Varied, parameters
 
 STARTS = ("rest", "up", "down")
 RECORDS = ("cycles", "impacts", "exponents", "speeds", "spectra", "amplitudes")
 # Bins of impact speeds, and how far below the fastest they begin.
 SPEED_BINS, SPEED_DECADES = 160, 4
-# Columns of the cycle table that must match between cycles of a periodic motion: the strobed
-# motion state, counted impacts, releases, engages and chatter ends. Resolved chatter impacts are
-# left out: how many are listed before a chatter is summed is a matter of the last bit.
-LABELS = ("motion_state", "counted_impacts", "counted_back_impacts", "releases", "back_releases",
-          "engages", "back_engages", "chatter_ends", "back_chatter_ends")
 UNITS = {"phi": "rad", "phi_dot": "rad per tau", "deepest_separation": "rad",
          "deepest_back_penetration": "rad", "impact_phase": "mesh periods",
          "impact_velocity": "rad per tau", "lyapunov_exponent": "per tau",
@@ -97,26 +92,26 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
     estimates.require(estimates.sweep_bytes(
         len(values) * len(starts), record, wanted.cycles or wanted.strobe, wanted.impacts,
         wanted.tangent, max_impacts), "sweep", "values, starts, record or max_impacts")
-    oscillators = [oscillator_at(pair, te, parameter, value, operation) for value in values]
-    if any(osc.force < 0 and osc.gap == "one_flank" for osc in oscillators):
+    oscillators = Varied(pair, te, parameter, values, operation)
+    if oscillators[0].gap == "one_flank" and np.any(oscillators.points.force < 0):
         raise ValueError("sweep: rest with a negative force needs a coast flank to rest on")
     if "speeds" in observe:
         wanted = replace(wanted, speed_edges=tuple(_speed_edges(oscillators)))
     lines = _lines(starts, len(values))
     result = engine.sweep(
-        oscillators * len(starts), lines, [(engine.REST, 0, 0, phase)] * len(lines),
+        oscillators.points.repeated(len(starts)), lines, [(engine.REST, 0, 0, phase)] * len(lines),
         numerics=numerics, wanted=wanted, settle=settle, record=record, log_room=max_impacts,
         threads=threads, progress=progress,
         keep_interrupted=keep_interrupted)
     data = _dataset(result, oscillators, parameter, values, starts, wanted, phase,
                     {"contact_law": oscillators[0].contact_law, "settle": settle,
                      "record": record, "rtol": numerics.rtol,
-                     "method": engine.common_method(oscillators, numerics),
+                     "method": engine.common_method(oscillators.points, numerics),
                      "count_depth": numerics.count_depth, "interrupted": int(result.interrupted)})
     if "spectra" in observe:
-        data = _with_spectra(data, result, oscillators * len(starts), numerics, threads)
+        data = _with_spectra(data, result, list(oscillators) * len(starts), numerics, threads)
     if "amplitudes" in observe:
-        data = _with_amplitudes(data, result, oscillators, [
+        data = _with_amplitudes(data, result, list(oscillators), [
             _newtons(pair, parameter, float(value)) for value in values], numerics, threads)
     return data
 
@@ -145,19 +140,6 @@ def _check(pair, te, parameter, values, starts, settle, record, observe, max_imp
     return np.unique(values), starts, observe
 
 
-def parameters():
-    """Names of the numbers that may be varied: of the pair, of its operating point."""
-    return (*(field.name for field in fields(GearPair)), "brake_torque", "drive_torque",
-            "pinion_speed_rpm", "pinion_speed_rad_s", "mesh_frequency_hz")
-
-
-def oscillator_at(pair, te, parameter, value, operation):
-    """Oscillator of one value of the parameter; `operation` holds the other arguments."""
-    if parameter in {field.name for field in fields(GearPair)}:
-        return replace(pair, **{parameter: float(value)}).oscillator(te, **operation)
-    return pair.oscillator(te, **{**operation, parameter: float(value)})
-
-
 def _lines(starts, n):
     """Lines of the engine, the long ones first so that they are not waited for."""
     carried, single = [], []
@@ -180,14 +162,13 @@ def _dataset(result, oscillators, parameter, values, starts, wanted, phase, attr
     outcome = result.outcome.reshape(shape)
     coords = {"start": list(starts), parameter: values}
     data = {"status": (by_point, outcome["status"].astype(np.int8)),
-            "force": (parameter, [osc.force for osc in oscillators])}
+            "force": (parameter, oscillators.points.force)}
     tables = result.cycles.reshape(*shape, *result.cycles.shape[1:])
     for name in list(CYCLE)[1:] if wanted.cycles else STROBED:
         data[name] = ((*by_point, "recorded_cycle"), tables[name])
     if wanted.cycles:
-        data["period"] = (by_point, _periods(tables, oscillators))
-        data["motion_class"] = (by_point, _classes(tables, data["period"][1], data["status"][1],
-                                                   oscillators[0].contact_law))
+        data["period"] = (by_point, np.nan_to_num(outcome["period"]).astype(np.int16))
+        data["motion_class"] = (by_point, _classes(outcome))
     data |= mean_rotation.by_point(oscillators, result.cycle_means, shape, by_point)
     if wanted.tangent:
         data |= _stability(result, tables, data["period"][1], oscillators, by_point)
@@ -208,30 +189,15 @@ def _dataset(result, oscillators, parameter, values, starts, wanted, phase, attr
     return dataset
 
 
-def _periods(tables, oscillators):
-    """Period of each point, `find_period`."""
-    periods = np.zeros(tables.shape[:2], dtype=np.int16)
-    for i, j in np.ndindex(*periods.shape):
-        table = tables[i, j]
-        if not np.all(np.isfinite(numbers(table))):
-            continue
-        scale = (max(abs(oscillators[j].force), table["deepest_separation"].max())
-                 or oscillators[j].backlash)
-        periods[i, j] = find_period(table["phi"], table["phi_dot"], columns(table, LABELS), scale)
-    return periods
-
-
-def _classes(tables, periods, status, contact_law):
-    """Class of each point, `period.motion_class`, by the arrivals of the law."""
-    law = arrivals_of(contact_law)
-    drive, coast, ends, back_ends = (tables[name] for name in (
-        law.drive, law.coast, "chatter_ends", "back_chatter_ends"))
-    classes = np.where(status == Status.UNFINISHED, "unfinished", "failed").astype(object)
-    for at in np.ndindex(*periods.shape):
-        if status[at] == Status.OK:
-            classes[at] = motion_class(int(periods[at]), drive[at], coast[at],
-                                       np.any(ends[at] + back_ends[at] > 0))
-    return classes.astype(str)
+def _classes(outcome):
+    """Class of each point, `period.motion_class`, as array of text."""
+    rows = np.stack([outcome[name] for name in ("status", *CLASS)], axis=-1)
+    kinds, which = np.unique(np.nan_to_num(rows.reshape(-1, 1 + len(CLASS))), axis=0,
+                             return_inverse=True)
+    names = {Status.OK: None, Status.UNFINISHED: "unfinished"}
+    return np.array([
+        names.get(status, "failed") or class_name(int(period), int(drive), int(coast), chatter)
+        for status, period, drive, coast, chatter in kinds])[which].reshape(outcome.shape)
 
 
 def _stability(result, tables, periods, oscillators, by_point):
@@ -272,7 +238,7 @@ def _with_spectra(data, result, oscillators, numerics, threads):
 
 def _newtons(pair, parameter, value):
     """Force per unit of deflection, k'·lever (N), at one value of the parameter."""
-    if parameter in {field.name for field in fields(GearPair)}:
+    if parameter in OF_PAIR:
         pair = replace(pair, **{parameter: value})
     return pair.mesh_stiffness * pair.pinion_base_lever
 
@@ -297,10 +263,10 @@ def _speed_edges(oscillators):
     That is the speed of a fall through the gap and twice the flank's fastest, both ways.
     """
     phase = np.arange(1000) / 1000
+    steepest = np.abs(oscillators[0].te.derivative(1, phase)).max()
     fastest = max(
         np.sqrt(2 * abs(osc.force) * min(osc.gap_width, 2 * osc.backlash))
-        + 4 * abs(osc.flank_scale) * np.abs(osc.te.derivative(1, phase)).max() / osc.period
-        for osc in oscillators) or 1.0
+        + 4 * abs(osc.flank_scale) * steepest / osc.period for osc in oscillators) or 1.0
     return fastest * np.logspace(-SPEED_DECADES, 0, SPEED_BINS + 1)
 
 
@@ -318,7 +284,7 @@ def _impacts(result, oscillators, shape, by_point):
     """Impact section: mesh phase, velocity relative to the flank, flank; and how many were met."""
     log = result.events.reshape(*shape, -1)
     met = np.nan_to_num(result.outcome["logged"]).reshape(shape).astype(np.int64)
-    period = np.array([osc.period for osc in oscillators])[:, None]
+    period = (2 * np.pi / oscillators.points.mesh_frequency_ratio)[:, None]
     dims = (*by_point, "impact")
     flank = np.where(log["kind"] == EventKind.IMPACT, 1, 2).astype(np.int8)
     flank[np.isnan(log["kind"])] = 0

@@ -1,0 +1,45 @@
+!> What the recorded cycles of a motion have in common: its period, and what arrives in one.
+module lapwing_observers_motion_class
+  use lapwing_kinds, only: wp
+  use lapwing_codes, only: law_compliant
+  use lapwing_observers_period, only: period_of, longest_period, no_period
+  use lapwing_observers_records, only: column_state, column_phi, column_counted, column_engages, &
+      column_chatter_ends, column_depth
+  implicit none
+  private
+  public :: motion_class, class_columns
+
+  integer, parameter :: class_columns = 4   !! period, arrivals at either flank, chatter
+
+  !> What must match between the cycles of a periodic motion: the strobed motion state, counted
+  !> impacts, releases, engages and chatter ends. Impacts of a resolved chatter are left out: how
+  !> many are listed before a chatter is summed is a matter of the last bit.
+  integer, parameter :: labels(9) = [column_state, column_counted, column_counted + 1, &
+      column_counted + 2, column_counted + 3, column_engages, column_engages + 1, &
+      column_chatter_ends, column_chatter_ends + 1]
+
+contains
+
+  !> Period (0: none), arrivals at the drive and at the coast flank in the last period (0 where
+  !> there is none), and whether a chatter was complete in any cycle (1).
+  !>
+  !> An arrival is a counted impact; without impacts (`compliant`) it is an engagement.
+  pure function motion_class(cycles, force, backlash, contact_law) result(row)
+    real(wp), intent(in) :: cycles(:, :)   !! (columns, n) a line for each cycle, see `records`
+    real(wp), intent(in) :: force          !! mean force, rad
+    real(wp), intent(in) :: backlash       !! rad
+    integer, intent(in) :: contact_law     !! law_*
+    real(wp) :: row(class_columns)
+    real(wp) :: scale
+    integer :: period, arrivals, n
+    n = size(cycles, 2)
+    scale = max(abs(force), maxval(cycles(column_depth, :)))
+    if (scale <= 0) scale = backlash
+    period = period_of(cycles, column_phi, labels, scale, longest_period)
+    arrivals = merge(column_engages, column_counted, contact_law == law_compliant)
+    row = 0
+    row(1) = period
+    if (period /= no_period) row(2:3) = sum(cycles(arrivals:arrivals + 1, n - period + 1:), 2)
+    if (any(cycles(column_chatter_ends:column_chatter_ends + 1, :) > 0)) row(4) = 1
+  end function motion_class
+end module lapwing_observers_motion_class

@@ -1,0 +1,65 @@
+"""Many oscillators that share their transmission error and laws: their numbers as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lapwing.model.oscillator import Oscillator
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """The numbers of each point of a sweep, and what they share.
+
+    Attributes
+    ----------
+    shared : Oscillator, any of them: transmission error, laws, gap and signs are those of all
+    force, backlash, mean_acceleration : (n,) array, rad
+    mesh_frequency_ratio, gear_ratio, damping_ratio, restitution : (n,) array
+    """
+
+    shared: Oscillator
+    force: NDArray[np.float64]
+    mesh_frequency_ratio: NDArray[np.float64]
+    gear_ratio: NDArray[np.float64]
+    damping_ratio: NDArray[np.float64]
+    restitution: NDArray[np.float64]
+    backlash: NDArray[np.float64]
+    mean_acceleration: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, oscillators: Sequence[Oscillator]) -> Points:
+        """Points of oscillators that share their transmission error and laws."""
+        numbers = {name: np.array([getattr(osc, name) for osc in oscillators], dtype=float)
+                   for name in NUMBERS[:-1]}
+        drift = np.array([osc.mean_rotation.acceleration if osc.mean_rotation else 0.0
+                          for osc in oscillators])
+        return cls(oscillators[0], **numbers, mean_acceleration=drift)
+
+    @classmethod
+    def varied(cls, osc: Oscillator, name: str, values: NDArray[np.float64]) -> Points:
+        """One oscillator of one degree of freedom, another value of a number at each point."""
+        numbers = {key: np.full(len(values), getattr(osc, key)) for key in NUMBERS[:-1]}
+        numbers[name] = np.array(values, dtype=float)
+        return cls(osc, **numbers, mean_acceleration=np.zeros(len(values)))
+
+    def __len__(self) -> int:
+        return len(self.force)
+
+    def repeated(self, times: int) -> Points:
+        """All of them so many times over."""
+        return Points(self.shared, **{name: np.tile(getattr(self, name), times)
+                                      for name in NUMBERS})
+
+    @property
+    def peak_to_peak(self) -> NDArray[np.float64]:
+        """Greatest less least g, rad; as of the oscillators one by one."""
+        low, high = self.shared.te.extrema
+        return np.abs(self.gear_ratio * high - self.gear_ratio * low)
+
+
+NUMBERS = tuple(field.name for field in fields(Points) if field.name != "shared")

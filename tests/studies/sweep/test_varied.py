@@ -1,0 +1,73 @@
+"""Values of a parameter at once: the numbers are those of the oscillators one by one."""
+
+import numpy as np
+import pytest
+
+from helpers import SHIPPED
+from lapwing import GearPair, TransmissionError, sweep
+from lapwing.engine import Points
+from lapwing.engine.points import NUMBERS
+from lapwing.studies.period import LABELS, find_period, motion_class
+from lapwing.studies.sweep.varied import Varied, oscillator_at, parameters
+
+TE = TransmissionError.harmonic([5e-5])
+PAIR = GearPair(pinion_teeth=25, gear_teeth=32, pinion_inertia=0.0078, gear_inertia=0.026,
+                pinion_base_lever=0.034, mesh_stiffness=3.12e8, backlash=0.002,
+                restitution=0.8, mesh_damping=1e3)
+TORQUES = np.random.default_rng(5).uniform(-20, 20, 50)
+SPEEDS = np.random.default_rng(6).uniform(1, 3000, 50)
+
+
+@pytest.mark.parametrize("drive_torque", [None, 3.7])
+@pytest.mark.parametrize("parameter", ["brake_torque", "drive_torque", "pinion_speed_rpm",
+                                       "pinion_speed_rad_s", "mesh_frequency_hz", "backlash",
+                                       "mesh_stiffness"])
+@pytest.mark.parametrize("degrees", [1, 2])
+def test_numbers_are_those_of_each_oscillator(parameter, drive_torque, degrees):
+    values = TORQUES if parameter.endswith("torque") else SPEEDS
+    operation = {"brake_torque": 4.4, "drive_torque": drive_torque, "mesh_frequency_hz": 100.0,
+                 "te_sign": "geometric", "degrees_of_freedom": degrees}
+    if parameter in ("pinion_speed_rpm", "pinion_speed_rad_s"):
+        del operation["mesh_frequency_hz"]
+    found = Varied(PAIR, TE, parameter, values, operation).points
+    expected = Points.of([oscillator_at(PAIR, TE, parameter, value, operation)
+                          for value in values])
+    for name in (*NUMBERS, "peak_to_peak"):
+        assert getattr(found, name).tobytes() == getattr(expected, name).tobytes()
+
+
+def test_every_parameter_is_one_of_the_functions_that_vary_it():
+    assert {"brake_torque", "mesh_frequency_hz", "backlash"} < set(parameters())
+
+
+def test_the_first_value_refused_is_named():
+    with pytest.raises(ValueError, match="mesh_frequency_hz = -2"):
+        Varied(PAIR, TE, "mesh_frequency_hz", np.array([1.0, -2.0, -3.0]), {"brake_torque": 1.0})
+
+
+def test_oscillators_are_made_when_asked_for():
+    found = Varied(PAIR, TE, "brake_torque", np.linspace(1, 2, 1000), {"mesh_frequency_hz": 90.0})
+    assert len(found._made) == 1
+    assert found[-1].brake_torque == 2.0 and found[:2][0].brake_torque == 1.0
+    with pytest.raises(IndexError):
+        found[1000]
+
+
+@pytest.mark.parametrize("law", ["restitution", "compliant"])
+def test_periods_and_classes_are_those_of_the_tables(law):
+    """The engine's own row for each point, against the same rules on the cycles it recorded."""
+    data = sweep(PAIR, SHIPPED, values=np.linspace(0.3, 13.0, 40), settle=300, record=100,
+                 mesh_frequency_hz=100.0, contact_law=law, threads=2)
+    counts = ("counted_impacts", "counted_back_impacts") if law == "restitution" \
+        else ("engages", "back_engages")
+    for start in range(data.sizes["start"]):
+        for j, force in enumerate(data["force"].values):
+            one = data.isel(start=start, brake_torque=j)
+            labels = np.column_stack([one[name].values for name in LABELS])
+            scale = max(abs(force), one["deepest_separation"].values.max())
+            period = find_period(one["phi"].values, one["phi_dot"].values, labels, scale)
+            chatter = np.any(one["chatter_ends"] + one["back_chatter_ends"] > 0)
+            assert int(one["period"]) == period
+            assert str(one["motion_class"].values) == motion_class(
+                period, *(one[name].values for name in counts), bool(chatter))
+    assert len(set(data["motion_class"].values.ravel())) > 5 and np.any(data["period"] == 0)
