@@ -129,6 +129,22 @@ def test_a_short_record_covers_or_claims_nothing(kind, memory, times):
     assert sum(abs(one.mean) <= one.half_width for one in known) >= LEAST * len(known) / REPEATS
 
 
+@pytest.mark.parametrize("kind", [autoregressive, switching])
+@pytest.mark.parametrize(("memory", "times"), [
+    (0.5, 40), *(pytest.param(*case, marks=pytest.mark.full)
+                 for case in [(0.0, 40), (0.5, 30), (0.9, 40), (0.9, 45), (0.98, 45)])])
+def test_the_few_intervals_of_records_near_the_least_length_cover(kind, memory, times):
+    """Chance finds the correlation of some records too short: these are the ones with intervals."""
+    if kind is switching and memory == 0.0:
+        pytest.skip("two values without a memory are white noise, too")
+    rng, known = np.random.default_rng(8), []
+    n = round(times * (1 + memory) / (1 - memory))
+    while len(known) < REPEATS:
+        found = mean_interval(kind(memory, n, rng))
+        known += [found] * math.isfinite(found.half_width)
+    assert sum(abs(one.mean) <= one.half_width for one in known) >= LEAST
+
+
 def test_the_correlation_time_of_a_long_record():
     rng = np.random.default_rng(4)
     assert correlation_time(autoregressive(0.99, 200_000, rng)) == pytest.approx(199, rel=0.15)

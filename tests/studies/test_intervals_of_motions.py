@@ -90,13 +90,20 @@ def back_cycles(value, record, motions, first=0):
     return fates.back_at
 
 
+@functools.cache
+def long_rate(value):
+    """Bursts per cycle in a million cycles: known to 1 %. A fifth of them would leave it open by
+    3 %, which bounds from five thousand cycles feel."""
+    return bursts(back_cycles(value, 50_000, 20, first=10_000)) / 1_000_000
+
+
 @pytest.mark.parametrize(("value", "record"), [
     (0.8, 300), pytest.param(0.7, 300, marks=pytest.mark.full),
     pytest.param(0.75, 600, marks=pytest.mark.full),
     pytest.param(0.8, 1200, marks=pytest.mark.full)])
 def test_the_rate_of_bursts_of_back_impacts_is_bounded(value, record):
-    """Two hundred studies of four motions each; four long ones tell the rate."""
-    rate = bursts(back_cycles(value, 50_000, 4, first=10_000)) / 200_000
+    """Two hundred studies of four motions each."""
+    rate = long_rate(value)
     assert 0.001 < rate < 0.5
     times = back_cycles(value, record, 4 * REPEATS)
     seen = [bursts(times[4 * k:4 * k + 4]) for k in range(REPEATS)]

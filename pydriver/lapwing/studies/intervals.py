@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 CONFIDENCE = 0.95
+# Of a normal variable, exceeded by one in twenty.
+ONE_SIDED = 1.645
 # The sum of autocorrelations is cut at so many of its own correlation times (Sokal's window): what
 # is left out of an exponential is e^-5.
 WINDOW = 5.0
@@ -22,11 +24,10 @@ BATCH_TIMES = 5.0
 # Fewer batches say nothing of their own scatter; more make an interval hardly any steadier, and
 # longer ones depend less on each other.
 FEWEST_BATCHES, MOST_BATCHES = 8, 32
-# A record of fewer correlation times shows too little of its own correlation for batches alone.
-SHORT_TIMES = 60.0
-# Batch means whose neighbours are alike beyond this (one-sided 5 %, times √batches) still depend
-# on each other.
-ALIKE = 1.645
+# A record of fewer correlation times shows too little of its own correlation for batches alone, and
+# those that seem long enough are those whose time was found too short. Of n samples the time T has
+# a standard error of T·√(2(2W + 1)/n) with the window W = 5T, about T·√(20T/n).
+SHORT_TIMES, TIME_SCATTER = 60.0, 20.0
 
 
 class MeanInterval(NamedTuple):
@@ -103,7 +104,9 @@ def mean_interval(values: np.ndarray, confidence: float = CONFIDENCE) -> MeanInt
     3. Batches of L samples with a correlation time of T still share some: of an autoregressive
        series their means vary too little by (T - 1/T)/(2L). Twice that is added.
     4. Where the record is shorter than 60 correlation times, the variance is not taken for less
-       than that of the series times T/n: which short records have an interval at all depends on T.
+       than that of the series times T/n, with the upper limit (one-sided 95 %) of T, whose standard
+       error is √(20T/n) of it (Madras and Sokal 1988, J. Stat. Phys. 50, 109-186): which short
+       records have an interval at all depends on T.
     5. Student's t of the number of batches, 8 to 32, gives the interval. Where the series does
        not make 8 of 5 times each, or does not vary at all, it is not known.
 
@@ -137,7 +140,8 @@ def mean_interval(values: np.ndarray, confidence: float = CONFIDENCE) -> MeanInt
         if not _alike(means):
             variance = means.var(ddof=1) / batches / (1 - (time - 1 / time) / length)
             if len(values) < SHORT_TIMES * time:
-                variance = max(variance, values.var() * time / len(values))
+                longer = time * (1 + ONE_SIDED * math.sqrt(TIME_SCATTER * time / len(values)))
+                variance = max(variance, values.var() * longer / len(values))
             half = t.ppf(0.5 + 0.5 * confidence, batches - 1) * math.sqrt(variance)
             effective = values.var() / variance if variance > 0 else math.nan
             return MeanInterval(mean, float(half), float(effective), batches)
@@ -146,10 +150,11 @@ def mean_interval(values: np.ndarray, confidence: float = CONFIDENCE) -> MeanInt
 
 
 def _alike(means):
-    """Whether neighbours among batch means are more alike than chance makes them."""
+    """Whether neighbours among batch means are more alike than chance makes them (one in 20)."""
     apart = means - means.mean()
     square = apart @ apart
-    return bool(square > 0 and (apart[1:] @ apart[:-1]) / square > ALIKE / math.sqrt(len(means)))
+    limit = ONE_SIDED / math.sqrt(len(means))
+    return bool(square > 0 and (apart[1:] @ apart[:-1]) / square > limit)
 
 
 def bursts(times: list[np.ndarray]) -> int:
