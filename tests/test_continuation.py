@@ -1,5 +1,7 @@
 """A run that is cut and continued is the uncut run, bit for bit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -33,7 +35,7 @@ def start_of(name):
 
 
 def whole(name, phase=0.0, **options):
-    return simulate(SCENES[name](), start_of(name), phase=phase, cycles=CYCLES, record=RECORD,
+    return simulate(SCENES[name](), start_of(name), phase=phase, cycles=CYCLES, observe=RECORD,
                     **options)
 
 
@@ -41,7 +43,7 @@ def in_parts(name, lengths, phase=0.0):
     """One run in parts: the parts' tables put together, and the last part."""
     osc, state, parts = SCENES[name](), start_of(name), []
     for length in lengths:
-        parts.append(simulate(osc, state, phase=phase, cycles=float(length), record=RECORD))
+        parts.append(simulate(osc, state, phase=phase, cycles=float(length), observe=RECORD))
         state = parts[-1].final
     return parts
 
@@ -104,6 +106,49 @@ def test_history_after_a_continuation(name):
     one, parts = whole(name), in_parts(name, [1.25, 2.5, 2.25])
     taus = np.linspace(0, one.final.tau, 301)
     assert dataset_bytes(parts[-1].history(taus)) == dataset_bytes(one.history(taus))
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_history_goes_on_from_the_nearest_checkpoint(name, monkeypatch):
+    """The same bytes, from many checkpoints, few, or none; the last cycles cost themselves."""
+    import copy
+
+    one = whole(name)
+    monkeypatch.setattr(calls, "CALL_SECONDS", 0.0)
+    monkeypatch.setattr(calls, "LOG_ROOM", 66)
+    monkeypatch.setattr(calls, "MOST_CHECKPOINTS", 5)
+    cut = whole(name)
+    end = one.final.tau
+    events = one.events["tau"].values
+    bare = copy.copy(one)
+    bare.final = replace(one.final, _checkpoints=())
+    for since in (0.0, 0.5, 0.97):
+        taus = np.unique(np.concatenate([np.linspace(since * end, end, 57),
+                                         events[events >= since * end]]))
+        expected = dataset_bytes(bare.history(taus))
+        assert dataset_bytes(cut.history(taus)) == expected
+        assert dataset_bytes(one.history(taus)) == expected
+    assert len(cut.final._checkpoints) <= 6 and cut.final._checkpoints[-1][2] is cut.final._blob
+
+
+def test_late_times_cost_no_more_than_what_leads_to_them(monkeypatch):
+    from lapwing.studies import trajectory
+
+    osc = scene_a(1.8, "absolute")
+    before = simulate(osc, cycles=5000, observe=())
+    run = simulate(osc, before.final, cycles=2, observe=())
+    made, original = [], trajectory.TrajectoryCall
+
+    class Kept(original):
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, **options)
+            made.append((self, self.work))
+
+    monkeypatch.setattr(trajectory, "TrajectoryCall", Kept)
+    run.history(np.linspace(run.final.tau - osc.period, run.final.tau, 5))
+    (call, begun), = made
+    moved = call.work["stretches"] - begun["stretches"]
+    assert 0 < moved < 0.01 * run.work["stretches"]
 
 
 @pytest.mark.parametrize("name", SCENES)

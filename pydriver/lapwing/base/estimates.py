@@ -19,6 +19,8 @@ STORED_SAMPLE, STORED_CYCLE = 6 * 8 + 4 + 1, 4 * 8 + 12 * 4
 # Deflate makes no more of it; a figure in its two formats is never smaller.
 PACKED, FIGURE = 1032, 20_000
 _NO_LIMIT = 2**60
+# Bytes that are taken without asking; loading the engine took more.
+LITTLE = 2**24
 
 
 def sweep_bytes(points: int, record: int, cycles: bool = True, impacts: bool = False,
@@ -52,7 +54,12 @@ def available_bytes(root: Path = Path("/")) -> int | None:
 
 
 def require(needed: int, who: str, keys: str):
-    """MemoryError where more is needed than there is, before any of it is taken."""
+    """MemoryError where more is needed than there is, before any of it is taken.
+
+    For little it is not asked what there is: that takes longer than a short run.
+    """
+    if needed <= LITTLE:
+        return
     text = refusal(needed, keys, available_bytes())
     if text:
         raise MemoryError(f"{who}: {text}")

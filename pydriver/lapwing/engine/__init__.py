@@ -13,6 +13,7 @@ from lapwing.engine.calls import (
     method_of,
     position,
     sweep,
+    thinned,
 )
 from lapwing.engine.numerics import METHODS, Numerics, Wanted, chosen
 from lapwing.engine.points import Points
@@ -29,4 +30,5 @@ from lapwing.engine.records import (
 __all__ = ["CALL_SECONDS", "GO_ON", "METHODS", "MOST_LOOKED_FOR", "REST", "Numerics", "Points",
            "SweepResult", "TrajectoryCall", "Wanted", "chosen", "columns", "common_method",
            "find_period", "flank_motion", "impacts_of", "method_of", "named",
-           "numbers", "of_kind", "position", "sweep", "unknown", "work_counts"]
+           "numbers", "of_kind", "position", "sweep", "thinned", "unknown",
+           "work_counts"]

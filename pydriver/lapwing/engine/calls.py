@@ -33,6 +33,7 @@ from lapwing.model.oscillator import TE_SIGNS
 CALL_SECONDS = 0.4
 # Lines of the log and of the table of cycles that one call has room for. Most runs are short.
 FIRST_LOG_ROOM, LOG_ROOM, CYCLE_ROOM = 1 << 10, 1 << 16, 1 << 12
+MOST_CHECKPOINTS = 64
 LINE_DONE = 4  # fortran/run/sweep.f90, stage_done
 
 (BLOB_SIZE, WORK_SIZE, LOG_COLUMNS, CYCLE_COLUMNS, SAMPLE_COLUMNS, N_REALS, N_CHOICES,
@@ -199,16 +200,21 @@ def flank_motion(osc, t):
     return api.evaluate_table(_flank_argument(osc.te, False), osc.flank_scale, osc.period, t)
 
 
+def thinned(checkpoints):
+    """Every other of too many checkpoints, the last one always."""
+    return checkpoints if len(checkpoints) <= MOST_CHECKPOINTS else checkpoints[::-2][::-1]
+
+
 class TrajectoryCall:
     """One trajectory under way: repeated bounded calls from a start, or from a blob, to a target.
 
     After `run`, `events`, `cycles`, `samples` and, where it is wanted, `tangent` are tables of
     `records`: structured arrays (n,). With two degrees of freedom `cycle_means` and `sample_means`
-    are beside them, else None.
+    are beside them, else None. `checkpoints` are (cycle, time in it, blob) between its calls.
     """
 
     def __init__(self, osc, start, blob=None, cycle=0, *, numerics, wanted):
-        method = method_of(osc, numerics)
+        self.method = method = method_of(osc, numerics)
         self._fixed = (_flank_argument(osc.te, osc.back_flank_te, method),
                        _real_parameters(Points.of([osc]), numerics, method, wanted)[:, 0],
                        _choices(osc, numerics, method, wanted))
@@ -228,6 +234,7 @@ class TrajectoryCall:
         times = np.asfortranarray(np.asarray(sample_times, dtype=float).reshape(-1, 2).T)
         width = tangent_table(2 + self._more).itemsize // 8
         logs, cycles, tangents, sampled, cycle = [], [], [], 0, self.cycle
+        self.checkpoints = ()
         while True:
             # The engine drops what has no room, so the target of a call stays within the table.
             step_target = target
@@ -254,6 +261,7 @@ class TrajectoryCall:
             status = Status(int(done[0]))
             if status != Status.UNFINISHED and (status != Status.OK or step_target == target):
                 break
+            self.checkpoints = thinned((*self.checkpoints, (cycle, done[4], self.blob.copy())))
         self.status = status
         self.cycle, self.t, self.motion_state, self.phi, self.phi_dot = (
             cycle, done[4], int(done[5]), done[6], done[7])
@@ -276,7 +284,8 @@ class SweepResult:
 
     `events` is (points, log_room), NaN where nothing was met; `cycle_means` (points, record), None
     with one degree of freedom; `tangent` (points, record) where it was wanted; `density` an array
-    (points, bins + 2); `cpu_seconds` is the processor time spent inside the compiled engine.
+    (points, bins + 2); `cpu_seconds` is the processor time spent inside the compiled engine;
+    `method` is 'exact' or 'rk4', how they were moved.
     """
 
     outcome: np.ndarray
@@ -287,6 +296,7 @@ class SweepResult:
     events: np.ndarray
     interrupted: bool = False
     cpu_seconds: float = 0.0
+    method: str = ""
 
 
 def sweep(points, lines, starts, *, numerics, wanted, settle, record, log_room, threads,
@@ -363,7 +373,7 @@ def sweep(points, lines, starts, *, numerics, wanted, settle, record, log_room, 
     cycles, means = with_means(cycles.transpose(2, 1, 0), CYCLE_TABLE)
     return SweepResult(named(outcome.T, OUTCOME_TABLE), cycles, means,
                        named(tangent.transpose(2, 1, 0), tangent_table(2 + more)), density.T,
-                       named(log.transpose(2, 1, 0), EVENT_TABLE), interrupted, cpu_seconds)
+                       named(log.transpose(2, 1, 0), EVENT_TABLE), interrupted, cpu_seconds, method)
 
 
 def position(phase, cycles, period):

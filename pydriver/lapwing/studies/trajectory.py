@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from lapwing.base import arguments, estimates
 from lapwing.base.arguments import MAX_INT, renamed, shown
 from lapwing.base.codes import MotionState, Status
 from lapwing.base.messages import facts_html
-from lapwing.engine import Numerics, TrajectoryCall, Wanted, chosen, position
+from lapwing.engine import Numerics, TrajectoryCall, Wanted, chosen, position, thinned
 from lapwing.engine.records import CYCLE, CYCLE_REALS, EVENT, MEAN
 from lapwing.model.oscillator import Oscillator
 from lapwing.model.start import put_on_flank, start_problem
@@ -45,6 +46,8 @@ class HybridState:
     _origin: tuple = field(repr=False, default=())
     _cycles: float = field(repr=False, default=0.0)
     _blob: np.ndarray | None = field(repr=False, default=None, compare=False)
+    # (cycle, time in it, blob) of places on the way here from which a history may go on.
+    _checkpoints: tuple = field(repr=False, default=(), compare=False)
 
 
 @dataclass(repr=False)
@@ -65,13 +68,22 @@ class Run:
     """
 
     oscillator: object
-    events: object
-    cycles: object
     final: HybridState
     status: Status
     work: dict
     method: str
     _numerics: Numerics = field(repr=False, default=None)
+    _call: TrajectoryCall = field(repr=False, default=None)
+
+    @cached_property
+    def events(self):
+        """Built when it is first asked for, as `cycles` is."""
+        return _event_dataset(self._call.events, self.final._origin[1], self.oscillator.period)
+
+    @cached_property
+    def cycles(self):
+        """Statistics of each cycle."""
+        return _cycle_dataset(self._call.cycles, self._call.cycle_means)
 
     def __repr__(self) -> str:
         return f"<Run {', '.join(f'{name}: {fact}' for name, fact in self._facts().items())}>"
@@ -183,7 +195,8 @@ def simulate(osc, start="rest", phase=0.0, cycles=50, method="auto", rtol=1e-10,
     target = position(origin[1], before + cycles, osc.period)
     # A target inside a stretch is reported by a sample; one at a cycle's end is reached exactly.
     call.run(target, [target] if target[1] > 0 or osc.degrees_of_freedom == 2 else [])
-    return _result(osc, call, origin, before + cycles, target, numerics)
+    passed = start._checkpoints if isinstance(start, HybridState) else ()
+    return _result(osc, call, origin, before + cycles, target, numerics, passed)
 
 
 def engine_start(osc, start):
@@ -248,7 +261,7 @@ def _same(one, other):
         for name in ("knots", "coefficients", "kinks"))
 
 
-def _result(osc, call, origin, cycles, target, numerics):
+def _result(osc, call, origin, cycles, target, numerics, before):
     """What the engine recorded, and the state at the target."""
     phase0, period = origin[1], osc.period
     at = (call.cycle, call.t, call.motion_state, call.phi, call.phi_dot)
@@ -260,11 +273,10 @@ def _result(osc, call, origin, cycles, target, numerics):
         phase=float(at[1] / period), tau=float(_tau(at[0], at[1], phase0, period)),
         **({name: float(call.sample_means[name][0]) for name in MEAN}
            if osc.degrees_of_freedom == 2 else {}),
-        _oscillator=osc, _origin=origin, _cycles=cycles, _blob=call.blob)
-    return Run(oscillator=osc, events=_event_dataset(call.events, phase0, period),
-               cycles=_cycle_dataset(call.cycles, call.cycle_means), final=final,
-               status=call.status, work=call.work, method=engine.method_of(osc, numerics),
-               _numerics=numerics)
+        _oscillator=osc, _origin=origin, _cycles=cycles, _blob=call.blob,
+        _checkpoints=thinned((*before, *call.checkpoints, (call.cycle, call.t, call.blob))))
+    return Run(oscillator=osc, final=final, status=call.status, work=call.work,
+               method=call.method, _numerics=numerics, _call=call)
 
 
 def _tau(cycle, t, phase0, period):
@@ -301,11 +313,17 @@ def _history(run, taus):
 
     osc, (start, phase0) = run.oscillator, run.final._origin
     cycle, t = np.divmod(taus + phase0 * osc.period, osc.period)
-    call = TrajectoryCall(osc, (*start, phase0), numerics=run._numerics, wanted=Wanted())
-    end = position(phase0, run.final._cycles, osc.period)
-    if run.status != Status.OK:
-        end = (int(np.floor(run.final.tau / osc.period + phase0)), run.final.phase * osc.period)
-    call.run(end, np.column_stack([cycle, t]))
+    times = [(int(number), float(time)) for number, time in zip(cycle, t, strict=True)]
+    first, last = (times[0], times[-1]) if times else ((0, phase0 * osc.period),) * 2
+    # A sample on a checkpoint itself is taken on the way to it: events may lie there.
+    passed = [place for place in run.final._checkpoints if place[:2] < first]
+    if passed:
+        begin, blob, cycle_begun = (engine.GO_ON, 0, 0, 0), passed[-1][2], passed[-1][0]
+    else:
+        begin, blob, cycle_begun = (*start, phase0), None, 0
+    call = TrajectoryCall(osc, begin, blob, cycle_begun, numerics=run._numerics, wanted=Wanted())
+    before = call.work["samples"]
+    call.run(last, times)
     samples = call.samples
     return xr.Dataset(
         {"phase": ("tau", t / osc.period),
@@ -313,7 +331,7 @@ def _history(run, taus):
          "phi": ("tau", samples["phi"].copy()), "phi_dot": ("tau", samples["phi_dot"].copy()),
          **_mean_columns("tau", call.sample_means)},
         coords={"tau": taus},
-        attrs={"samples": call.work["samples"]})
+        attrs={"samples": call.work["samples"] - before})
 
 
 __all__ = ["HybridState", "Run", "simulate"]

@@ -32,6 +32,8 @@ UNITS = {"phi": "rad", "phi_dot": "rad per tau", "deepest_separation": "rad",
          "lyapunov_exponent_per_cycle": "per mesh cycle", "speed_edge": "rad per tau",
          "impact_speed_density": "per mesh cycle", "slow_impacts": "per mesh cycle",
          "mean_speed": "rad/s"}
+FLAGS = {"flag_values": np.array([int(status) for status in Status], dtype=np.int8),
+         "flag_meanings": " ".join(status.name.lower() for status in Status)}
 
 
 def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=400, record=100,
@@ -106,7 +108,7 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
     data = _dataset(result, oscillators, parameter, values, starts, wanted, phase,
                     {"contact_law": oscillators[0].contact_law, "settle": settle,
                      "record": record, "rtol": numerics.rtol,
-                     "method": engine.common_method(oscillators.points, numerics),
+                     "method": result.method,
                      "count_depth": numerics.count_depth, "interrupted": int(result.interrupted)})
     if "spectra" in observe:
         data = _with_spectra(data, result, list(oscillators) * len(starts), numerics, threads)
@@ -175,18 +177,16 @@ def _dataset(result, oscillators, parameter, values, starts, wanted, phase, attr
     if wanted.impacts:
         data |= _impacts(result, oscillators, shape, by_point)
     if wanted.speed_edges:
-        coords["speed_edge"] = list(wanted.speed_edges)
+        coords["speed_edge"] = ("speed_edge", list(wanted.speed_edges))
         data |= _speeds(result, shape, by_point, attrs["record"])
-    dataset = xr.Dataset(data, coords, {**attrs, "phase": phase})
-    dataset["status"].attrs.update(
-        flag_values=np.array([int(status) for status in Status], dtype=np.int8),
-        flag_meanings=" ".join(status.name.lower() for status in Status))
-    dataset[parameter].attrs["units"] = quantities.parameter(parameter).units
-    for name in UNITS.keys() & dataset.variables.keys():
-        dataset[name].attrs["units"] = UNITS[name]
-    for name, count in work_counts(np.nansum(result.outcome["work"], axis=0)).items():
-        dataset.attrs[f"work_{name}"] = count
-    return dataset
+    data["status"] = (*data["status"], FLAGS)
+    coords[parameter] = (parameter, values, {"units": quantities.parameter(parameter).units})
+    for group in (data, coords):
+        for name in UNITS.keys() & group.keys():
+            group[name] = (*group[name], {"units": UNITS[name]})
+    work = work_counts(np.nansum(result.outcome["work"], axis=0))
+    return xr.Dataset(data, coords, {**attrs, "phase": phase}
+                      | {f"work_{name}": count for name, count in work.items()})
 
 
 def _classes(outcome):
