@@ -1,15 +1,18 @@
-!> What the recorded cycles of a motion have in common: its period, and what arrives in one.
+!> What the recorded cycles of a motion come to, in a few numbers: its period, what arrives in one,
+!> extremes.
 module lapwing_observers_motion_class
   use lapwing_kinds, only: wp
   use lapwing_codes, only: law_compliant
   use lapwing_observers_period, only: period_of, longest_period, no_period
   use lapwing_observers_records, only: column_state, column_phi, column_counted, column_engages, &
-      column_chatter_ends, column_depth
+      column_chatter_ends, column_depth, column_visited
   implicit none
   private
   public :: motion_class, class_columns
 
-  integer, parameter :: class_columns = 4   !! period, arrivals at either flank, chatter
+  !> Period, arrivals at either flank, chatter; deepest separation and penetration of the coast
+  !> flank, motion states visited.
+  integer, parameter :: class_columns = 7
 
   !> What must match between the cycles of a periodic motion: the strobed motion state, counted
   !> impacts, releases, engages and chatter ends. Impacts of a resolved chatter are left out: how
@@ -20,8 +23,8 @@ module lapwing_observers_motion_class
 
 contains
 
-  !> Period (0: none), arrivals at the drive and at the coast flank in the last period (0 where
-  !> there is none), and whether a chatter was complete in any cycle (1).
+  !> Period (0: none), arrivals at the drive and at the coast flank in the last period (in all
+  !> cycles where there is none), whether a chatter was complete in any cycle (1), extremes.
   !>
   !> An arrival is a counted impact; without impacts (`compliant`) it is an engagement.
   pure function motion_class(cycles, force, backlash, contact_law) result(row)
@@ -31,7 +34,7 @@ contains
     integer, intent(in) :: contact_law     !! law_*
     real(wp) :: row(class_columns)
     real(wp) :: scale
-    integer :: period, arrivals, n
+    integer :: period, arrivals, first, visited, i, n
     n = size(cycles, 2)
     scale = max(abs(force), maxval(cycles(column_depth, :)))
     if (scale <= 0) scale = backlash
@@ -39,7 +42,14 @@ contains
     arrivals = merge(column_engages, column_counted, contact_law == law_compliant)
     row = 0
     row(1) = period
-    if (period /= no_period) row(2:3) = sum(cycles(arrivals:arrivals + 1, n - period + 1:), 2)
+    first = merge(1, n - period + 1, period == no_period)
+    row(2:3) = sum(cycles(arrivals:arrivals + 1, first:), 2)
     if (any(cycles(column_chatter_ends:column_chatter_ends + 1, :) > 0)) row(4) = 1
+    row(5:6) = maxval(cycles(column_depth:column_depth + 1, :), 2)
+    visited = 0
+    do i = 1, n
+      visited = ior(visited, nint(cycles(column_visited, i)))
+    end do
+    row(7) = visited
   end function motion_class
 end module lapwing_observers_motion_class

@@ -2,7 +2,7 @@
 module lapwing_observers_recorder
   use lapwing_kinds, only: wp
   use lapwing_codes, only: separation, engagement, drive_flank, coast_flank, event_impact, &
-      event_kind
+      event_engage, event_kind
   use lapwing_flow, only: flow_t, work_t, instant_on
   use lapwing_hybrid_state, only: segment_t, event_t
   use lapwing_observers_grazes, only: find_grazes
@@ -109,6 +109,7 @@ contains
     associate (sums => self%sums)
       if (event%kind > n_counters) return
       sums%counter(event%kind) = sums%counter(event%kind) + 1
+      if (is_arrival(event%kind)) sums%fastest = max(sums%fastest, abs(event%before))
       depth = max(sums%flight_depth, sums%flight_depth_before)
       if (event%kind == event_impact) call push_flight(self, depth)
       if (event%kind == event_kind(event_impact, coast_flank)) call push_flight(self, -depth)
@@ -116,6 +117,13 @@ contains
       sums%flight_depth_before = 0
     end associate
   end subroutine count_event
+
+  !> Whether an event ends a flight at a flank, by an impact or in contact.
+  pure logical function is_arrival(kind)
+    integer, intent(in) :: kind                  !! event_kind
+    is_arrival = kind <= event_kind(event_impact, coast_flank) .or. (kind >= event_engage .and. &
+        kind <= event_kind(event_engage, coast_flank))
+  end function is_arrival
 
   !> Keep the depth of a flight that an impact has ended, until the cycle's depth is known.
   subroutine push_flight(self, depth)

@@ -43,6 +43,7 @@ module lapwing_observers_records
     real(wp) :: grazes_known_to = -1           !! near-grazes of the arc up to here are logged
     integer :: n_flights = 0                   !! flights of the cycle ended by an impact
     real(wp) :: flight(max_flights) = 0        !! their depths, negative: at the coast flank
+    real(wp) :: fastest = 0                    !! of all arrivals recorded, rad per tau
     type(tangent_t) :: tangent                 !! tangent map since the cycle began
   end type sums_t
 
@@ -74,6 +75,7 @@ contains
     self%sums%n_log = 0
     self%sums%n_cycles = 0
     self%sums%next_sample = 1
+    self%sums%fastest = 0
   end subroutine start_recording
 
   !> Whether a run stops while its log is full, instead of going on without writing.

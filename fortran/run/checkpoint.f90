@@ -15,7 +15,8 @@ module lapwing_run_checkpoint
   integer, parameter :: at = work_size
   integer, parameter :: map_size = max_states**2
   integer, parameter :: tangent_size = map_size + 10
-  integer, parameter :: tangent_at = at + 36 + max_states
+  integer, parameter :: state_at = at + 37
+  integer, parameter :: tangent_at = state_at + max_states
   integer, parameter :: others_at = tangent_at + tangent_size
   integer, parameter :: fixed_size = others_at + max_states - 2
   integer, parameter :: blob_size = fixed_size + max_flights
@@ -42,7 +43,8 @@ contains
     blob(at + 21:at + 28) = sums%counter
     blob(at + 29:at + 36) = [sums%flight_depth, sums%cycle_depth, sums%back_penetration, &
         sums%strobe, sums%flight_depth_before, sums%grazes_known_to]
-    blob(at + 37:tangent_at) = state%instant%y
+    blob(state_at) = sums%fastest
+    blob(state_at + 1:tangent_at) = state%instant%y
     blob(tangent_at + 1:others_at) = pack_tangent(sums%tangent)
     blob(others_at + 1:fixed_size) = sums%strobe_others
     n = sums%n_flights
@@ -64,7 +66,7 @@ contains
       instant%cycle = number(4)
       instant%piece = number(5)
       instant%t = blob(at + 8)
-      instant%y = blob(at + 37:tangent_at)
+      instant%y = blob(state_at + 1:tangent_at)
     end associate
     state%events_in_cycle = number(6)
     state%steps_in_cycle = number(7)
@@ -83,6 +85,7 @@ contains
     sums%strobe = blob(at + 32:at + 34)
     sums%flight_depth_before = blob(at + 35)
     sums%grazes_known_to = blob(at + 36)
+    sums%fastest = blob(state_at)
     sums%tangent = unpack_tangent(blob(tangent_at + 1:others_at))
     sums%strobe_others = blob(others_at + 1:fixed_size)
     work = unpack_work(blob(1:work_size))
@@ -91,7 +94,8 @@ contains
   end subroutine unpack_blob
 
   !> Whether two runs at the beginning of a cycle go on alike, bit for bit, but for the numbers of
-  !> cycles, records and work. The state that the cycle before began with decides nothing any more.
+  !> cycles, records and work. The state that the cycle before began with decides nothing any more,
+  !> nor does what is the largest so far.
   pure logical function go_on_alike(one, other)
     real(wp), intent(in) :: one(blob_size), other(blob_size)   !! blobs
     logical :: counts(blob_size)
@@ -100,6 +104,7 @@ contains
     counts = .false.
     counts(1:work_size) = .true.
     counts(at + [4, 15, 16, 17, 32, 33, 34]) = .true.
+    counts(state_at) = .true.
     counts(others_at + 1:fixed_size) = .true.
     go_on_alike = all(transfer(merge(0.0_wp, one, counts), zero) &
         == transfer(merge(0.0_wp, other, counts), zero))

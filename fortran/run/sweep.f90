@@ -25,8 +25,9 @@ module lapwing_run_sweep
   integer, parameter :: stage_start = 0, stage_settle = 1, stage_prepare = 2, stage_record = 3
   integer, parameter :: stage_done = 4
 
-  !> Status, lines of the log, motion state, phi, phi' at the end, class, counts of work.
-  integer, parameter :: outcome_columns = 5 + class_columns + work_size
+  !> Status, lines of the log, motion state, phi, phi' at the end, class, fastest arrival, counts of
+  !> work.
+  integer, parameter :: outcome_columns = 5 + class_columns + 1 + work_size
 
   !> What every point of a sweep has in common, and where results go.
   type :: sweep_t
@@ -40,7 +41,9 @@ module lapwing_run_sweep
     type(recorder_t) :: recorder                                   !! what is wanted of each point
     integer :: settle = 0                                          !! cycles before recording
     integer :: record = 0                                          !! cycles recorded
-    real(wp), pointer, contiguous :: cycles(:, :, :) => null()     !! (columns, record, n_points)
+    !> (columns, record, n_points); one for all where the lines' rows are not wanted: then by one
+    !> thread, which leaves no line but one in the middle of a point.
+    real(wp), pointer, contiguous :: cycles(:, :, :) => null()
     real(wp), pointer, contiguous :: tangent(:, :, :) => null()    !! (columns, record, n_points)
     real(wp), pointer, contiguous :: log(:, :, :) => null()        !! (columns, room, n_points)
     real(wp), pointer, contiguous :: density(:, :) => null()       !! (bins + 2, n_points) or null
@@ -92,11 +95,14 @@ contains
     integer(int64), intent(in) :: deadline           !! clock count at which to stop
     class(oscillator_t), allocatable, target :: system
     class(flow_t), allocatable :: flow
+    logical :: stopped   ! at the deadline: then no other line is begun
     integer :: i
+    stopped = .false.
     !$omp do schedule(dynamic, 1)
     do i = 1, size(lines)
-      if (lines(i)%stage < stage_done) call go_on(sweep, lines(i), blobs(:, i), deadline, &
-          system, flow)
+      if (stopped .or. lines(i)%stage == stage_done) cycle
+      call go_on(sweep, lines(i), blobs(:, i), deadline, system, flow)
+      stopped = lines(i)%stage < stage_done
     end do
     !$omp end do
   end subroutine share_lines
@@ -244,7 +250,7 @@ contains
     class(oscillator_t), intent(in) :: system        !! the point's oscillator
     type(line_t), intent(in) :: line                 !! the line
     type(recorder_t), intent(inout) :: recorder      !! recorder
-    recorder%cycles => sweep%cycles(:, :, line%point)
+    recorder%cycles => sweep%cycles(:, :, min(line%point, size(sweep%cycles, 3)))
     recorder%log => sweep%log(:, :, line%point)
     if (.not. recorder%want_tangent) return
     recorder%tangent => sweep%tangent(:, :, line%point)
@@ -268,7 +274,7 @@ contains
       end associate
     end if
     sweep%outcome(:, line%point) = [real(status, wp), real(recorder%sums%n_log, wp), final, &
-        found, pack_work(work)]
+        found, recorder%sums%fastest, pack_work(work)]
     blob(1:3) = final
     if (status /= status_ok) blob(1) = -1
     line%stage = stage_start

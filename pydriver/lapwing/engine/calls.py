@@ -300,7 +300,7 @@ class SweepResult:
 
 
 def sweep(points, lines, starts, *, numerics, wanted, settle, record, log_room, threads,
-          progress=None, keep_interrupted=False):
+          progress=None, keep_interrupted=False, keep_cycles=True):
     """Run many oscillators of one table in lines.
 
     Parameters
@@ -316,6 +316,8 @@ def sweep(points, lines, starts, *, numerics, wanted, settle, record, log_room, 
     progress : callable(fraction) or None, called between calls into the engine
     keep_interrupted : bool, whether Ctrl-C ends the sweep with what is finished, the other points
         with status UNFINISHED, instead of raising KeyboardInterrupt
+    keep_cycles : bool; False: of the cycles nothing is wanted but what `outcome` tells of them. The
+        memory of one point serves all, one after the other, and so does one thread
 
     Returns
     -------
@@ -338,7 +340,9 @@ def sweep(points, lines, starts, *, numerics, wanted, settle, record, log_room, 
     blobs = np.zeros((BLOB_SIZE, len(lines)), order="F")
     wants_cycles = wanted.cycles or wanted.strobe or wanted.tangent
     more = 2 * shared.degrees_of_freedom - 2
-    cycles = np.full((CYCLE_COLUMNS + more, record if wants_cycles else 1, n), np.nan, order="F")
+    threads, tables = (threads, n) if keep_cycles else (1, 1)
+    cycles = np.full((CYCLE_COLUMNS + more, record if wants_cycles else 1, tables), np.nan,
+                     order="F")
     width = tangent_table(2 + more).itemsize // 8
     tangent = np.full((width, *((record, n) if wanted.tangent else (1, 1))), np.nan, order="F")
     density = np.zeros((len(wanted.speed_edges) + 1, n) if wanted.speed_edges else (1, 1),
@@ -366,7 +370,8 @@ def sweep(points, lines, starts, *, numerics, wanted, settle, record, log_room, 
         if not keep_interrupted:
             raise
         interrupted = True
-        cycles[:, :, outcome[0] == Status.UNFINISHED] = np.nan
+        if keep_cycles:
+            cycles[:, :, outcome[0] == Status.UNFINISHED] = np.nan
         if wanted.tangent:
             tangent[:, :, outcome[0] == Status.UNFINISHED] = np.nan
         log[:, :, outcome[0] == Status.UNFINISHED] = np.nan

@@ -40,10 +40,13 @@ EVENT_TABLE, SAMPLE_TABLE, CYCLE_TABLE = (
 MEAN = {"mean_angle": "rad", "mean_rate": RATE}
 MEAN_TABLE = np.dtype([(name, float) for name in MEAN])
 # How each point of a sweep ended: `logged` lines of its log were met, also those without room.
-# Where cycles are recorded: the period (0: none), the arrivals at either flank in the last period,
-# and whether a chatter was complete (fortran/observers/motion_class.f90).
+# Where cycles are recorded: the period (0: none), the arrivals at either flank in the last period
+# (in all cycles without one), whether a chatter was complete (fortran/observers/motion_class.f90)
 CLASS = ("period", "arrivals", "back_arrivals", "chatter")
-OUTCOME_TABLE = np.dtype([(name, float) for name in ("status", "logged", *SAMPLE, *CLASS)]
+# ... and what they come to: extremes of all recorded cycles, and the fastest arrival (rad per tau).
+EXTREMES = ("deepest_separation", "deepest_back_penetration", "states_visited", "fastest_arrival")
+OUTCOME_TABLE = np.dtype([(name, float) for name in ("status", "logged", *SAMPLE, *CLASS,
+                                                     *EXTREMES)]
                          + [("work", float, (len(WORK_NAMES),))])
 
 

@@ -17,7 +17,7 @@ from lapwing.engine.records import CLASS, CYCLE, STROBED
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.transmission_error import TransmissionError
 from lapwing.studies import mean_rotation
-from lapwing.studies.period import class_name
+from lapwing.studies.period import NO_PERIOD, class_name
 from lapwing.studies.stability import CycleMaps, findings, growth
 from lapwing.studies.sweep.varied import OF_PAIR, Varied, parameters
 
@@ -192,8 +192,9 @@ def _dataset(result, oscillators, parameter, values, starts, wanted, phase, attr
 def _classes(outcome):
     """Class of each point, `period.motion_class`, as array of text."""
     rows = np.stack([outcome[name] for name in ("status", *CLASS)], axis=-1)
-    kinds, which = np.unique(np.nan_to_num(rows.reshape(-1, 1 + len(CLASS))), axis=0,
-                             return_inverse=True)
+    rows = np.nan_to_num(rows.reshape(-1, 1 + len(CLASS)))
+    rows[rows[:, 1] == NO_PERIOD, 2:4] = 0
+    kinds, which = np.unique(rows, axis=0, return_inverse=True)
     names = {Status.OK: None, Status.UNFINISHED: "unfinished"}
     return np.array([
         names.get(status, "failed") or class_name(int(period), int(drive), int(coast), chatter)
