@@ -27,6 +27,7 @@ _HOMES = {
     "load_deck": "deck.load",
     "run_deck": "run",
     "open_results": "results.file",
+    "progress_bar": "progress",
     "simulate": "studies.trajectory",
     "sweep": "studies.sweep.run",
     "find_orbit": "studies.orbit",
@@ -41,11 +42,17 @@ _HOMES = {
 __all__ = [*_HOMES, "__version__"]
 
 
+# What comes from these makes Datasets, which then have the attribute `lapwing`.
+_MAKERS = ("run", "studies", "results")
+
+
 def __getattr__(name):
     if name == "__version__":
         return import_module("lapwing._build_info").VERSION
     if name not in _HOMES:
         raise AttributeError(f"module 'lapwing' has no attribute {name!r}")
+    if _HOMES[name].startswith(_MAKERS):
+        import_module("lapwing.accessor").register()
     return getattr(import_module(f"lapwing.{_HOMES[name]}"), name)
 
 

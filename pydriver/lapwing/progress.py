@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TextIO
 
@@ -161,3 +161,27 @@ class Bars(_Teller):
             display.start()
             self._display = display
         return self._display
+
+
+@contextmanager
+def progress_bar(label: str = "", total: int = 100, unit: str = "%") -> Iterator[
+        Callable[[float], None]]:
+    """A bar in a terminal or a notebook for what takes long in Python.
+
+    ``with lapwing.progress_bar("torques") as done: lapwing.sweep(..., progress=done)``
+
+    Parameters
+    ----------
+    label : str, before the bar
+    total : int, units that are the whole
+    unit : str
+
+    Yields
+    ------
+    callable(fraction done), as `progress=` of sweeps and searches takes it
+    """
+    bars = Bars()
+    try:
+        yield bars.study(label, total, unit)
+    finally:
+        bars.close()

@@ -272,7 +272,7 @@ class _Run:
 
     def _taken_over(self, folder):
         """Studies of a verified result file of the same values, version and engine."""
-        from lapwing.results import engine_digest, read_results, stored_studies
+        from lapwing.results import SCHEMA_VERSION, engine_digest, read_results, stored_studies
         from lapwing.studies.of_deck import is_finished
 
         manifest, path = Manifest.read(folder), folder / RESULT_FILE
@@ -283,6 +283,10 @@ class _Run:
             self.notes.append(f"{folder}: of another build of the engine: computed again")
             return {}
         with read_results(path, check=False) as results:
+            if results.attrs.get("schema_version") != SCHEMA_VERSION:
+                self.notes.append(f"{folder}: of an earlier form of the result file: computed "
+                                  "again")
+                return {}
             known = {key: study for key, study in stored_studies(results).items()
                      if is_finished(study)}
             if not results.interrupted:

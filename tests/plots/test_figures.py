@@ -39,7 +39,7 @@ def draw(module, dataset, pair, laid_out=False, **options):
     """Figure of a module; a warning of the drawing library is an error."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        figure = plots.figure_module(module).draw(dataset, pair, **options)
+        figure = plots.figure_of(module, dataset, gear_pair=pair, **options)
         if laid_out:
             figure.draw_without_rendering()
     return figure
@@ -222,8 +222,9 @@ def test_an_interrupted_sweep_shows_what_was_done(results):
     beyond = sweep["brake_torque"] > 6
     sweep["status"] = sweep["status"].where(~beyond, Status.UNFINISHED).transpose("start", ...)
     sweep = sweep.assign({name: sweep[name].where(~beyond).transpose("start", ...)
-                          for name in ("phi", "deepest_separation", "impact_velocity",
-                                       "counted_impacts", "counted_back_impacts")})
+                          for name in ("phi", "deepest_separation", "counted_impacts",
+                                       "counted_back_impacts")})
+    sweep["kept_impacts"] = sweep["kept_impacts"].where(~beyond, 0).transpose("start", ...)
     strip = draw("orbit_diagram", sweep, results.gear_pair, laid_out=True).axes[3]
     assert "failed" not in [label.get_text() for label in strip.get_yticklabels()]
     assert max(line.get_xdata().max(initial=0) for line in strip.lines

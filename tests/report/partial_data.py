@@ -91,10 +91,10 @@ def blanked(data, lost, status):
     mask = data["status"].copy(data=lost)
     for name, variable in data.data_vars.items():
         if variable.dims[:2] == by_point and variable.dtype.kind in "fiu" and name not in (
-                "status", "period", "n_impacts", "impact_flank"):
+                "status", "period", "n_impacts", "first_impact", "kept_impacts"):
             data[name] = variable.astype(float).where(~mask).transpose(*variable.dims)
     data["status"] = data["status"].where(~mask, status).astype(np.int8)
-    for name in ("period", "n_impacts"):
+    for name in ("period", *({"n_impacts", "kept_impacts"} & set(data))):
         data[name] = data[name].where(~mask, 0).astype(data[name].dtype)
     word = "unfinished" if status == Status.UNFINISHED else "failed"
     data["motion_class"] = data["motion_class"].astype(object).where(~mask, word).astype(str)

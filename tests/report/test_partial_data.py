@@ -61,7 +61,7 @@ def test_every_figure_is_drawn_without_a_warning(sweeps, name, damage):
             continue
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            figure = plots.figure_module(module).draw(data, PAIR)
+            figure = plots.figure_of(module, data, gear_pair=PAIR)
         assert_no_invented_axes(figure)
         words = words_of(figure)
         assert not re.search(r"\b(nan|inf)\b", words)
@@ -95,7 +95,7 @@ def test_without_restitution_arrivals_are_engagements_everywhere(sweeps):
     assert "engagements are counted: every one" in said
     assert "1:(0,0), " not in said
     for module in ("orbit_diagram", "staircase"):
-        figure = plots.figure_module(module).draw(data, PAIR)
+        figure = plots.figure_of(module, data, gear_pair=PAIR)
         axis = next(one for one in figure.axes if one.get_ylabel() == "engagements\nper cycle")
         assert max(np.nanmax(line.get_ydata()) for line in axis.lines[:3]) > 0
         assert not any("approach speed" in one.get_ylabel() for one in figure.axes)

@@ -91,7 +91,7 @@ def test_every_figure_of_a_response_shows_results_alone(responses, name, damage,
         return
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        figure = plots.figure_module(module).draw(data, GEAR)
+        figure = plots.figure_of(module, data, gear_pair=GEAR)
     said = words_of(figure)
     assert not re.search(r"\b(nan|inf)\b", said)
     assert_no_invented_axes(figure)
@@ -149,7 +149,7 @@ def test_every_figure_of_a_search_shows_results_alone(searches, name, damage):
     data = damage(searches[name])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        figure = plots.figure_module("critical_search").draw(data, GEAR)
+        figure = plots.figure_of("critical_search", data, gear_pair=GEAR)
     assert not re.search(r"\b(nan|inf)\b", words_of(figure))
     assert_no_invented_axes(figure)
     known = data["trial_failed"].values < data["trial_starts"].values

@@ -80,3 +80,22 @@ def per_cycle(sweep, side="drive"):
         rows = done & (period == length)
         result[rows] = counts[rows][:, -int(length):].mean(axis=-1)  # -0: all of them
     return result
+
+
+def listed_impacts(sweep):
+    """Which impacts of a sweep's list belong to which of its points.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset of `lapwing.sweep` with 'impacts' observed, or a selection of its points
+
+    Returns
+    -------
+    place, point : (n,) arrays of int
+        Places along `impact` and, of each, the point, counted in the order of `kept_impacts`
+    """
+    first, kept = (sweep[name].values.ravel().astype(int)
+                   for name in ("first_impact", "kept_impacts"))
+    point = np.repeat(np.arange(kept.size), kept)
+    within = np.arange(point.size) - np.repeat(np.cumsum(kept) - kept, kept)
+    return first[point] + within, point

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from importlib import import_module
+from inspect import signature
 from pathlib import Path
 from typing import NamedTuple
 
@@ -132,12 +133,42 @@ def attempt(results, task, folder, formats):
     try:
         data = results.transmission_error if task.name is None \
             else results.study(task.kind, task.name)
-        figure = figure_module(task.module).draw(data, results.gear_pair,
-                                                 **_options(results, task))
+        figure = figure_of(task.module, data, gear_pair=results.gear_pair,
+                           **_options(results, task))
         _save(figure, [folder / f"{task.stem}.{suffix}" for suffix in formats])
     except Exception as error:
         return Problem(f"{type(error).__name__}: {error}", is_of_surroundings(error))
     return None
+
+
+# What figures may be told besides their data; each takes what it needs of it.
+OPTIONS = ("gear_pair", "title", "full_engagement", "claims", "marks")
+
+
+def figure_of(figure, dataset, **options):
+    """A figure of a dataset.
+
+    Parameters
+    ----------
+    figure : str, as `figure_module`
+    dataset : xarray.Dataset, a study or the group `transmission_error`
+    **options : of `OPTIONS`; what the figure has no use for is left out
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    TypeError
+        for any other option.
+    """
+    for name in options.keys() - set(OPTIONS):
+        raise TypeError(f"figure {figure}: no option {name!r}, expected some of "
+                        f"{', '.join(OPTIONS)}")
+    draw = figure_module(figure).draw
+    taken = signature(draw).parameters
+    return draw(dataset, **{name: value for name, value in options.items() if name in taken})
 
 
 def figure_module(figure):

@@ -29,13 +29,12 @@ def shows(critical):
 
 
 @style.house_style()
-def draw(critical, gear_pair=None, *, title=None, marks=()):
+def draw(critical, *, title=None, marks=()):
     """Draw one search.
 
     Parameters
     ----------
     critical : xarray.Dataset, group `critical_<name>` of a result file, with the dimension `trial`
-    gear_pair : not used
     title : str or None
     marks : sequence of critical_marks.Mark, other critical values along the same parameter
 

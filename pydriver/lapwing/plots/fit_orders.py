@@ -17,13 +17,12 @@ def shows(critical):
 
 
 @style.house_style()
-def draw(critical, gear_pair=None, *, title=None, marks=()):
+def draw(critical, *, title=None):
     """Draw T_full, and how well samples and curve go together, against the highest order.
 
     Parameters
     ----------
     critical : xarray.Dataset, group `critical_<name>` of a result file, with `fit_order`
-    gear_pair, marks : not used
     title : str or None
 
     Returns

@@ -12,13 +12,12 @@ SAMPLE = {"linestyle": "", "marker": "o", "markersize": 4.5, "markerfacecolor": 
 
 
 @style.house_style()
-def draw(te, gear_pair=None):
+def draw(te):
     """Draw a curve fitted to samples.
 
     Parameters
     ----------
     te : xarray.Dataset, group `transmission_error` of a result file, with samples and a fit
-    gear_pair : not used
 
     Returns
     -------

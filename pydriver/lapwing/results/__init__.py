@@ -10,8 +10,9 @@ from lapwing.results.file import (
     verify,
     write_results,
 )
+from lapwing.results.schema import SCHEMA_VERSION
 from lapwing.results.variables import CODES, DESCRIPTIONS, FAILED, VELOCITY, WHOLE, described
 
-__all__ = ["CODES", "DESCRIPTIONS", "FAILED", "VELOCITY", "WHOLE", "DamagedFile", "Results",
-           "checksums", "described", "engine_digest", "provenance", "read_results",
-           "stored_studies", "verify", "write_results"]
+__all__ = ["CODES", "DESCRIPTIONS", "FAILED", "SCHEMA_VERSION", "VELOCITY", "WHOLE",
+           "DamagedFile", "Results", "checksums", "described", "engine_digest", "provenance",
+           "read_results", "stored_studies", "verify", "write_results"]

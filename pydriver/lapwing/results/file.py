@@ -19,12 +19,11 @@ from lapwing.base.registry import STUDIES
 from lapwing.base.signals import held
 from lapwing.model.oscillator import TE_SIGNS
 from lapwing.results.checksums import DamagedFile, store_checksums, verify_file
+from lapwing.results.schema import SCHEMA_VERSION, as_of_today, with_plain_text
 from lapwing.results.store import Manifest, flush, os_errors, sha256_of
 from lapwing.results.variables import FAILED, described
 
 CONVENTIONS = "CF-1.11"
-# Of names, shapes and meanings in the file; files of version 0.1 have none.
-SCHEMA_VERSION = 1
 # Variables larger than this are compressed; the rest is small beside the file's own overhead.
 COMPRESS_ABOVE = 1000
 DERIVED = ("gear_ratio", "equivalent_inertia", "natural_frequency", "torsional_stiffness",
@@ -69,7 +68,7 @@ def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te,
             **provenance(), "deck_name": deck_name, "deck_text": deck_text,
             "used_deck": used_text, "used_hash": used_hash, "interrupted": int(interrupted),
             "studies": "\n".join(f"{kind} {name}" for kind, name in studies)}
-    groups = {None: _dataset({}, root), "gear_pair": _dataset({}, _pair_attributes(pair)),
+    groups = {None: _dataset({}, root), "gear_pair": _dataset({}, pair_attributes(pair)),
               "transmission_error": _transmission_error(te, te_sign, pair.gear_ratio,
                                                         te_source or _te_source(te), measured)}
     claims = _claims(found.get("response", {}).values())
@@ -92,13 +91,16 @@ def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te,
 
 def _write_groups(path, groups):
     for mode, (name, dataset) in zip("w" + "a" * len(groups), groups.items(), strict=False):
-        dataset = described(dataset)
+        dataset = with_plain_text(described(dataset))
         dataset.to_netcdf(path, mode=mode, group=name, engine="netcdf4", format="NETCDF4",
                           encoding=_encoding(dataset))
 
 
 def _encoding(dataset):
-    """Compress what is large; whole numbers of failed runs are missing and read as NaN."""
+    """Compress what is large; whole numbers of failed runs are missing and read as NaN.
+
+    Text is stored as characters, not as strings, which Fortran cannot read.
+    """
     encoding = {}
     for name, variable in dataset.variables.items():
         small = variable.size <= COMPRESS_ABOVE or variable.dtype.kind not in "fiu"
@@ -106,6 +108,8 @@ def _encoding(dataset):
         if variable.dims and variable.size and variable.dtype.kind in "fiu":
             packed["fletcher32"] = True
         missing = variable.dtype.kind == "i" and np.any(variable.values == FAILED)
+        if variable.dtype.kind in "UO":
+            packed["dtype"] = "S1"
         encoding[name] = {"_FillValue": FAILED if missing else None, **packed}
     return encoding
 
@@ -116,7 +120,8 @@ def _dataset(variables, attributes):
     return xr.Dataset(variables, attrs=attributes)
 
 
-def _pair_attributes(pair):
+def pair_attributes(pair):
+    """The numbers of a gear pair, given and derived, as group `gear_pair` has them."""
     given = {key: value for key, value in asdict(pair).items() if value is not None}
     return {**given, **{name: getattr(pair, name) for name in DERIVED}, "damping_ratio": pair.xi}
 
@@ -150,10 +155,13 @@ def _claimed(sweep, claims):
     parameter = sweep["status"].dims[1]
     rows = [(attrs[parameter], attrs.get("claim_deepest_separation", np.nan),
              attrs.get("claim_text", "")) for attrs in claims if parameter in attrs]
-    columns = zip(*rows, strict=True) if rows else ((), (), ())
-    variables = {key: ("claim", np.array(column, dtype=kind)) for key, column, kind in zip(
-        ("claim_value", "claim_deepest_separation", "claim_text"), columns,
-        (float, float, object), strict=True)}
+    variables = {}
+    if rows:
+        value, depth, text = zip(*rows, strict=True)
+        variables = {"claim_value": ("claim", np.array(value, dtype=float)),
+                     "claim_deepest_separation": ("claim", np.array(depth, dtype=float)),
+                     # A text of no length would have a dimension without an end.
+                     **({"claim_text": ("claim", np.array(text))} if any(text) else {})}
     return sweep.assign(variables).assign_attrs(parameter=parameter)
 
 
@@ -277,8 +285,8 @@ class Results:
         import xarray as xr
 
         if group not in self._open:
-            self._open[group] = xr.open_dataset(self.path, group=group, engine="netcdf4",
-                                                decode_times=False)
+            opened = xr.open_dataset(self.path, group=group, engine="netcdf4", decode_times=False)
+            self._open[group] = as_of_today(opened, int(self.attrs.get("schema_version", 0)))
         return self._open[group]
 
     def close(self):

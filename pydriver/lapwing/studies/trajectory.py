@@ -13,8 +13,9 @@ from lapwing.base import arguments, estimates
 from lapwing.base.arguments import MAX_INT, renamed, shown
 from lapwing.base.codes import MotionState, Status
 from lapwing.base.messages import facts_html
+from lapwing.base.quantities import worded
 from lapwing.engine import Numerics, TrajectoryCall, Wanted, chosen, position, thinned
-from lapwing.engine.records import CYCLE, CYCLE_REALS, EVENT, MEAN
+from lapwing.engine.records import CYCLE, CYCLE_REALS, MEAN
 from lapwing.model.oscillator import Oscillator
 from lapwing.model.start import put_on_flank, start_problem
 
@@ -290,9 +291,7 @@ def _event_dataset(events, phase0, period):
     data = {"tau": tau, "cycle": events["cycle"].astype(np.int64), "phase": events["t"] / period,
             "kind": events["kind"].astype(np.int8)}
     data |= {name: events[name].copy() for name in ("phi", "velocity_before", "velocity_after")}
-    units = EVENT | {"tau": "1", "phase": "mesh periods", "cycle": None, "kind": None}
-    return xr.Dataset({name: ("event", values, {"units": units[name]} if units[name] else {})
-                       for name, values in data.items()})
+    return worded(xr.Dataset({name: ("event", values) for name, values in data.items()}))
 
 
 def _cycle_dataset(cycles, means):
@@ -301,7 +300,7 @@ def _cycle_dataset(cycles, means):
     data = {name: ("cycle", cycles[name].copy() if name in CYCLE_REALS
                    else cycles[name].astype(np.int64)) for name in CYCLE}
     data |= _mean_columns("cycle", means)
-    return xr.Dataset(data).set_coords("cycle")
+    return worded(xr.Dataset(data).set_coords("cycle"))
 
 
 def _mean_columns(dim, means):
@@ -325,13 +324,13 @@ def _history(run, taus):
     before = call.work["samples"]
     call.run(last, times)
     samples = call.samples
-    return xr.Dataset(
+    return worded(xr.Dataset(
         {"phase": ("tau", t / osc.period),
          "motion_state": ("tau", samples["motion_state"].astype(np.int8)),
          "phi": ("tau", samples["phi"].copy()), "phi_dot": ("tau", samples["phi_dot"].copy()),
          **_mean_columns("tau", call.sample_means)},
         coords={"tau": taus},
-        attrs={"samples": call.work["samples"] - before})
+        attrs={"samples": call.work["samples"] - before}))
 
 
 __all__ = ["HybridState", "Run", "simulate"]

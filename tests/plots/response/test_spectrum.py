@@ -50,7 +50,7 @@ def test_the_resolution_is_stated():
     wave = np.cos(2 * np.pi * PHASE)
     response = xr.Dataset(
         {"phi": ("sample", 1e-6 * wave), "mesh_force": ("sample", np.full(n, np.nan)),
-         "dynamic_te": ("sample", 1e-6 * wave), "cycle": ("sample", PHASE.astype(int)),
+         "dynamic_te": ("sample", 1e-6 * wave), "sample_cycle": ("sample", PHASE.astype(int)),
          "cycle_phi": ("cycle", np.zeros(CYCLES))},
         attrs={"name": "wave", "status": 0, "period": 3, "mesh_frequency_ratio": 0.1,
                "mesh_period_s": 0.01, "count_depth": 0.01})

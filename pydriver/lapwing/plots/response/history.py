@@ -98,14 +98,14 @@ def _pressed(axis, response, track, first, gear_pair):
 
 def _mesh_force(axis, response, track, first, gear_pair):
     """Force of spring and damper, N, and its torque on the pinion."""
-    rows = response["cycle"].values >= first
+    rows = response["sample_cycle"].values >= first
     force = response["mesh_force"].values[rows]
     axis.set_ylabel("mesh force W (N)")
     if np.all(np.isnan(force)):
         style.note(axis, "none is computed: rigid contact")
         axis.set_yticks([])
         return "mesh force"
-    position = response["cycle"].values[rows] + response["phase"].values[rows]
+    position = response["sample_cycle"].values[rows] + response["phase"].values[rows]
     if not np.any(force):
         style.note(axis, "zero in the cycles shown: never pressed", 0.7)
         axis.set_yticks([])

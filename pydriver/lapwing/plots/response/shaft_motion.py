@@ -35,8 +35,8 @@ def draw(response, gear_pair):
     record = cycles_recorded(response)
     _mean(axes[0], response, record)
     first = record - cycles_shown(response, repeats=2, aperiodic=8)
-    rows = response["cycle"].values >= first
-    position = response["cycle"].values[rows] + response["phase"].values[rows]
+    rows = response["sample_cycle"].values >= first
+    position = response["sample_cycle"].values[rows] + response["phase"].values[rows]
     attrs, ratio = response.attrs, float(gear_pair["gear_ratio"])
     gained = attrs["mean_acceleration"] * attrs["mesh_period_s"] * position
     mean = attrs["mean_speed_first"] + gained

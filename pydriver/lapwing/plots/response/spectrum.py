@@ -79,7 +79,7 @@ def _panel(axis, response, quantity, highest):
                    "none is computed: rigid contact")
         return
     cycles = _cycles_used(response)
-    used = response["cycle"].values >= cycles_recorded(response) - cycles
+    used = response["sample_cycle"].values >= cycles_recorded(response) - cycles
     orders, amplitudes = order_spectrum(values[used], cycles)
     shown = orders <= highest
     top = amplitudes[shown].max()

@@ -108,10 +108,10 @@ def events_of(response, kinds, first=0):
 def path(response, cycles):
     """The last `cycles` recorded cycles of a response, as a Path."""
     first = cycles_recorded(response) - cycles
-    rows = response["cycle"].values >= first
+    rows = response["sample_cycle"].values >= first
     samples = {name: response[name].values[rows].astype(float)
                for name in ("phi", "phi_dot", "motion_state")}
-    position = response["cycle"].values[rows] + response["phase"].values[rows]
+    position = response["sample_cycle"].values[rows] + response["phase"].values[rows]
     events = events_of(response, _shown_kinds(response), first)
     n = events["position"].size
     # At one instant: events in the order of the log, then samples, which see the state after.

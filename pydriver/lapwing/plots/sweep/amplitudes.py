@@ -30,8 +30,7 @@ def shows(sweep):
 
 
 @style.house_style()
-def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
-         marks=()):
+def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, marks=()):
     """Draw amplitudes and forces of a sweep.
 
     Parameters
@@ -40,7 +39,6 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
         it is or as group `sweep_<name>` of a result file
     gear_pair : mapping or None, group `gear_pair`; tells where resonances lie along a speed
     title, full_engagement, marks : as for `orbit_diagram.draw`
-    claims : not used; as in the other figures of a sweep
 
     Returns
     -------

@@ -16,19 +16,16 @@ def shows(sweep):
 
 
 @style.house_style()
-def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
-         marks=()):
+def draw(sweep, *, title=None, full_engagement=None, marks=()):
     """Draw a sweep with its exponents.
 
     Parameters
     ----------
     sweep : xarray.Dataset, result of `lapwing.sweep` with 'cycles' and 'exponents' observed, as it
         is or as group `sweep_<name>` of a result file
-    gear_pair : mapping or None, not used
     title : str
     full_engagement : float or None, parameter value above which the engaged response never
         separates; default: as stored with the sweep
-    claims : not used; as in the other figures of a sweep
     marks : sequence of critical_marks.Mark, critical values to draw as bars
 
     Returns

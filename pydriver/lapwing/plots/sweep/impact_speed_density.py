@@ -17,8 +17,7 @@ def shows(sweep):
 
 
 @style.house_style()
-def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
-         marks=()):
+def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, marks=()):
     """Draw the density of impact speeds, one panel for each start.
 
     Parameters
@@ -29,7 +28,6 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
     title : str
     full_engagement : float or None, parameter value above which the engaged response never
         separates; default: as stored with the sweep
-    claims : not used; as in the other figures of a sweep
     marks : sequence of critical_marks.Mark, critical values to draw as bars
 
     Returns

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lapwing.base.arrivals import arrivals_in, per_cycle
+from lapwing.base.arrivals import arrivals_in, listed_impacts, per_cycle
 from lapwing.base.codes import Status
 from lapwing.plots import critical_marks, style
 from lapwing.plots.style import save
@@ -74,12 +74,11 @@ orbit_diagram = draw
 
 
 def _dots(axis, x, y, look):
-    """All points of a branch (n values; n, m points of each); the scale must be final.
+    """All points of a branch (x, y of one shape); the scale must be final.
 
     A periodic motion comes to the same places in every cycle; no more is drawn than can be seen.
     """
-    x = np.broadcast_to(x[:, None], y.shape)[np.isfinite(y)]
-    y = y[np.isfinite(y)]
+    x, y = x[np.isfinite(y)], y[np.isfinite(y)]
     if y.size == 0:
         return
     height = axis.yaxis.get_transform().transform(y)
@@ -97,7 +96,8 @@ def _section(axis, sweep, gear_pair, claims):
     small = style.widen_small_values(axis, style.URAD * sweep["phi"].values)
     for branch, look in sweep_parts.branches(sweep):
         x = branch[sweep_parts.parameter_of(sweep)].values
-        _dots(axis, x, style.URAD * branch["phi"].values, look)
+        y = style.URAD * branch["phi"].values
+        _dots(axis, np.broadcast_to(x[:, None], y.shape), y, look)
     axis.axhline(0, color="0.5", linewidth=0.8)
     axis.set_ylim(axis.get_ylim())
     axis.set_ylabel(f"φ at phase {float(sweep.attrs.get('phase', 0)):g} (µrad)\n"
@@ -111,16 +111,18 @@ def _section(axis, sweep, gear_pair, claims):
 def _impact_speeds(axis, sweep, gear_pair, claims):
     """Approach speed of the recorded impacts."""
     factor, unit, millimetres = style.speed_unit(gear_pair)
+    velocity = sweep["impact_velocity"].values
     for branch, look in sweep_parts.branches(sweep):
         x = branch[sweep_parts.parameter_of(sweep)].values
-        _dots(axis, x, factor * np.abs(branch["impact_velocity"].values), look)
+        place, point = listed_impacts(branch)
+        _dots(axis, x[point], factor * np.abs(velocity[place]), look)
     axis.set_ylabel(f"approach speed |φ'|\n({unit})")
-    if np.isfinite(sweep["impact_velocity"].values).any():
+    if velocity.size:
         axis.set_ylim(bottom=0)
         style.speed_scale(axis, millimetres)
     else:
         style.nothing(axis, "no impact at any point that has a result")
-    room = sweep.sizes["impact"]
+    room = int(sweep.attrs["max_impacts"])
     capped = bool((sweep["n_impacts"] > room).any())
     return ("speed of impacts at either flank, relative to it"
             + (f"; of each point the first {room} recorded" if capped else ""))

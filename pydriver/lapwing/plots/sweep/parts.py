@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -53,9 +54,10 @@ def claims_of(sweep, given):
     """Claims within the range of a sweep: as given, or (None) as stored with it."""
     claims = [Claim(*one) for one in given or ()]
     if given is None and "claim_value" in sweep:
+        texts = sweep["claim_text"].values if "claim_text" in sweep else itertools.repeat("")
         claims = [Claim(float(value), float(depth), str(text)) for value, depth, text in zip(
-            sweep["claim_value"].values, sweep["claim_deepest_separation"].values,
-            sweep["claim_text"].values, strict=True)]
+            sweep["claim_value"].values, sweep["claim_deepest_separation"].values, texts,
+            strict="claim_text" in sweep)]
     values = sweep[parameter_of(sweep)].values
     return [claim for claim in claims if values[0] <= claim.value <= values[-1]]
 

@@ -25,15 +25,13 @@ def shows(sweep):
 
 
 @style.house_style()
-def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
-         marks=()):
+def draw(sweep, *, title=None, full_engagement=None, claims=None, marks=()):
     """Draw counted impacts per cycle and, for each start, the classes p:(i,j).
 
     Parameters
     ----------
     sweep : xarray.Dataset, result of `lapwing.sweep` with 'cycles' observed, as it is or as group
         `sweep_<name>` of a result file
-    gear_pair : mapping or None, not used
     title : str
     full_engagement : float or None, parameter value above which the engaged response never
         separates; default: as stored with the sweep

@@ -19,6 +19,7 @@ from lapwing.base import arguments, estimates
 from lapwing.base.arguments import MAX_INT, Refusals, renamed
 from lapwing.base.arrivals import arrivals_of
 from lapwing.base.codes import EventKind, MotionState, Status
+from lapwing.base.quantities import worded
 from lapwing.engine import chosen, columns, impacts_of
 from lapwing.engine.records import (
     CYCLE,
@@ -93,15 +94,15 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle=400, record=100
     Returns
     -------
     xarray.Dataset
-        Over `sample`: time (s from the first recorded cycle), phase (mesh periods), cycle,
-        motion_state, phi (rad), phi_dot (rad per τ), mesh_force (N; coast flank negative; NaN
-        with the rigid law), dynamic_te (θ, rad).  Over `event`: event_time, event_phase, …,
-        velocity_before, velocity_after (rad per τ), impact_energy (J lost; NaN for what is no
-        impact).  Over `cycle`: cycle_*, the columns of `simulate`, forces (N; peak: largest
-        magnitude) and impact energy (J).  With two degrees of freedom pinion_angle, gear_angle
-        (rad ahead of the nominal rotation), pinion_speed, gear_speed and cycle_mean_speed (of the
-        pinion; rad/s).  Cycles are counted from the first recorded one.  The
-        numbers of the summary are attributes.  A run that fails numerically has its `status`,
+        Over `sample`: time (s from the first recorded cycle; a coordinate), phase (mesh periods),
+        sample_cycle, motion_state, phi (rad), phi_dot (rad per τ), mesh_force (N; coast flank
+        negative; NaN with the rigid law), dynamic_te (θ, rad).  Over `event`: event_time (a
+        coordinate), event_phase, …, velocity_before, velocity_after (rad per τ), impact_energy (J
+        lost; NaN for what is no impact).  Over `cycle`: cycle_*, the columns of `simulate`, forces
+        (N; peak: largest magnitude) and impact energy (J).  With two degrees of freedom
+        pinion_angle, gear_angle (rad ahead of the nominal rotation), pinion_speed, gear_speed and
+        cycle_mean_speed (of the pinion; rad/s).  Cycles are counted from the first recorded one.
+        The numbers of the summary are attributes.  A run that fails numerically has its `status`,
         no events and NaN everywhere else (-1 in whole numbers).
 
     Raises
@@ -138,6 +139,7 @@ def response(osc, pair, *, name, start="rest", phase=0.0, settle=400, record=100
         "brake_torque": osc.force / pair.force_per_torque if osc.brake_torque is None
         else osc.brake_torque,
         "mesh_period_s": osc.period / pair.natural_frequency,
+        "natural_frequency": pair.natural_frequency, "pinion_base_lever": pair.pinion_base_lever,
         "method": engine.method_of(osc, numerics), "rtol": rtol,
         "rtol_reference": other, "start_phase": phase,
         "start": start if isinstance(start, str) else " ".join(map(str, start)),
@@ -315,8 +317,9 @@ def _dataset(osc, pair, outcome, stored):
              "event": _event_columns(pair, outcome.recording, osc.period, second),
              "cycle": {**_cycle_columns(outcome),
                        **mean_rotation.by_cycle(osc, outcome.recording.means[0])}}
-    return xr.Dataset({key: (dim, values) for dim, columns in parts.items()
-                       for key, values in columns.items()})
+    dataset = xr.Dataset({key: (dim, values) for dim, columns in parts.items()
+                          for key, values in columns.items()})
+    return worded(dataset.set_coords(("time", "event_time")))
 
 
 def _sample_columns(osc, pair, recording, stored, second):
@@ -334,9 +337,9 @@ def _sample_columns(osc, pair, recording, stored, second):
     state = np.full(state.size, -1) if failed else state
     means = recording.means[1]
     at = np.add.outer(np.arange(record) * recording.grid.size, stored).ravel()
-    return {"time": (cycle + phase) * second, "phase": phase, "cycle": cycle.astype(np.int32),
-            "motion_state": state.astype(np.int8), "phi": phi, "phi_dot": phi_dot,
-            "mesh_force": force, "dynamic_te": phi + g,
+    return {"time": (cycle + phase) * second, "phase": phase,
+            "sample_cycle": cycle.astype(np.int32), "motion_state": state.astype(np.int8),
+            "phi": phi, "phi_dot": phi_dot, "mesh_force": force, "dynamic_te": phi + g,
             **mean_rotation.shafts(osc, phi + g, phi_dot + slope,
                                    means if means is None else means[at])}
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
 from lapwing import engine
-from lapwing.base import arguments, estimates, quantities
+from lapwing.base import arguments, estimates
 from lapwing.base.arguments import Refusals
 from lapwing.base.codes import EventKind, Status
-from lapwing.base.quantities import NUMBERS
+from lapwing.base.quantities import NUMBERS, worded
 from lapwing.base.threads import checked_threads, usable_threads
 from lapwing.engine import Wanted, chosen, numbers, work_counts
 from lapwing.engine.records import CLASS, CYCLE, STROBED
@@ -25,15 +25,6 @@ STARTS = ("rest", "up", "down")
 RECORDS = ("cycles", "impacts", "exponents", "speeds", "spectra", "amplitudes")
 # Bins of impact speeds, and how far below the fastest they begin.
 SPEED_BINS, SPEED_DECADES = 160, 4
-UNITS = {"phi": "rad", "phi_dot": "rad per tau", "deepest_separation": "rad",
-         "deepest_back_penetration": "rad", "impact_phase": "mesh periods",
-         "impact_velocity": "rad per tau", "lyapunov_exponent": "per tau",
-         "lyapunov_exponent_error": "per tau", "second_lyapunov_exponent": "per tau",
-         "lyapunov_exponent_per_cycle": "per mesh cycle", "speed_edge": "rad per tau",
-         "impact_speed_density": "per mesh cycle", "slow_impacts": "per mesh cycle",
-         "mean_speed": "rad/s"}
-FLAGS = {"flag_values": np.array([int(status) for status in Status], dtype=np.int8),
-         "flag_meanings": " ".join(status.name.lower() for status in Status)}
 
 
 def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=400, record=100,
@@ -72,8 +63,9 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
 
     Returns
     -------
-    xarray.Dataset over `start`, the parameter and `recorded_cycle` (and `impact`). A point that
-    fails keeps its place, with a `status` other than OK.
+    xarray.Dataset over `start`, the parameter and `recorded_cycle`. A point that fails keeps its
+    place, with a `status` other than OK. Impacts are one list over `impact`: those of a point are
+    `kept_impacts` from `first_impact` on (`base.arrivals.listed_impacts`, `.lapwing.impacts`).
 
     Raises
     ------
@@ -109,13 +101,15 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
                     {"contact_law": oscillators[0].contact_law, "settle": settle,
                      "record": record, "rtol": numerics.rtol,
                      "method": result.method,
-                     "count_depth": numerics.count_depth, "interrupted": int(result.interrupted)})
+                     "count_depth": numerics.count_depth, "interrupted": int(result.interrupted),
+                     **({"max_impacts": max_impacts} if wanted.impacts else {}),
+                     **_of_pair(pair, parameter)})
     if "spectra" in observe:
         data = _with_spectra(data, result, list(oscillators) * len(starts), numerics, threads)
     if "amplitudes" in observe:
         data = _with_amplitudes(data, result, list(oscillators), [
             _newtons(pair, parameter, float(value)) for value in values], numerics, threads)
-    return data
+    return worded(data)
 
 
 def _check(pair, te, parameter, values, starts, settle, record, observe, max_impacts, phase,
@@ -140,6 +134,14 @@ def _check(pair, te, parameter, values, starts, settle, record, observe, max_imp
             taken.problems.append(f"observe: {record!r} wants 'cycles' beside it")
     taken.raise_if_any("sweep")
     return np.unique(values), starts, observe
+
+
+def _of_pair(pair, parameter):
+    """Numbers of the pair that turn results into speeds, where all values share them."""
+    ours = {field.name for field in fields(GearPair)} - {"backlash", "restitution",
+                                                         "damping_ratio", "mesh_damping"}
+    return {} if parameter in ours else {name: getattr(pair, name) for name in (
+        "natural_frequency", "pinion_base_lever")}
 
 
 def _lines(starts, n):
@@ -179,14 +181,9 @@ def _dataset(result, oscillators, parameter, values, starts, wanted, phase, attr
     if wanted.speed_edges:
         coords["speed_edge"] = ("speed_edge", list(wanted.speed_edges))
         data |= _speeds(result, shape, by_point, attrs["record"])
-    data["status"] = (*data["status"], FLAGS)
-    coords[parameter] = (parameter, values, {"units": quantities.parameter(parameter).units})
-    for group in (data, coords):
-        for name in UNITS.keys() & group.keys():
-            group[name] = (*group[name], {"units": UNITS[name]})
     work = work_counts(np.nansum(result.outcome["work"], axis=0))
-    return xr.Dataset(data, coords, {**attrs, "phase": phase}
-                      | {f"work_{name}": count for name, count in work.items()})
+    return worded(xr.Dataset(data, coords, {**attrs, "phase": phase}
+                             | {f"work_{name}": count for name, count in work.items()}))
 
 
 def _classes(outcome):
@@ -282,13 +279,19 @@ def _speeds(result, shape, by_point, record):
 
 
 def _impacts(result, oscillators, shape, by_point):
-    """Impact section: mesh phase, velocity relative to the flank, flank; and how many were met."""
-    log = result.events.reshape(*shape, -1)
+    """Impact section: mesh phase, velocity relative to the flank, flank; and how many were met.
+
+    One list for all points, a contiguous ragged array: those of a point stand together, the points
+    in the order of `kept_impacts`.
+    """
+    listed = ~np.isnan(result.events["kind"])
+    kept = np.sum(listed, axis=-1)
+    period = np.tile(2 * np.pi / oscillators.points.mesh_frequency_ratio, shape[0])
+    log = result.events[listed]
     met = np.nan_to_num(result.outcome["logged"]).reshape(shape).astype(np.int64)
-    period = (2 * np.pi / oscillators.points.mesh_frequency_ratio)[:, None]
-    dims = (*by_point, "impact")
     flank = np.where(log["kind"] == EventKind.IMPACT, 1, 2).astype(np.int8)
-    flank[np.isnan(log["kind"])] = 0
-    return {"impact_phase": (dims, log["t"] / period),
-            "impact_velocity": (dims, log["velocity_before"]), "impact_flank": (dims, flank),
-            "n_impacts": (by_point, met)}
+    return {"impact_phase": ("impact", log["t"] / np.repeat(period, kept)),
+            "impact_velocity": ("impact", log["velocity_before"].copy()),
+            "impact_flank": ("impact", flank),
+            "first_impact": (by_point, (np.cumsum(kept) - kept).reshape(shape)),
+            "kept_impacts": (by_point, kept.reshape(shape)), "n_impacts": (by_point, met)}

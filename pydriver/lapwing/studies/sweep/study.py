@@ -31,11 +31,7 @@ def carry_out(deck, study, order, threads, done):
         starts=study.starts, settle=study.settle_cycles, record=study.record_cycles,
         observe=observe, phase=deck.numerics["start_phase"], threads=threads, progress=done,
         keep_interrupted=True, **deck.numerics_of(study), **study.operation)
-    result = result.assign_attrs(labels(deck, study) | full_engagement(deck, study))
-    if not study.impacts:
-        return result
-    # Most of the room for impacts is empty, and is slow to be compressed.
-    return result.isel(impact=slice(0, max(1, int(result["n_impacts"].max()))))
+    return result.assign_attrs(labels(deck, study) | full_engagement(deck, study))
 
 
 def estimate(deck, study, seconds, clock, threads):

@@ -1,0 +1,161 @@
+"""What Datasets of Lapwing can do: `data.lapwing.speed()`, `data.lapwing.orbit_diagram()`.
+
+Registered as soon as `lapwing` is asked for something that makes a Dataset; by hand with
+`lapwing.accessor.register()`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from lapwing.base.arguments import choice, wrong
+from lapwing.base.registry import STUDIES
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+    from lapwing.model.gear_pair import GearPair
+
+SPEED_UNITS = ("rad/s", "m/s")
+
+
+class LapwingAccessor:
+    """A response, a sweep or a search, with what it can show of itself.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset, of `lapwing.response`, `sweep`, `simulate`, `critical_*` or a file
+    """
+
+    def __init__(self, dataset: xr.Dataset):
+        self._dataset = dataset
+
+    def speed(self, name: str | None = None, unit: str = "rad/s",
+              gear_pair: GearPair | Mapping[str, Any] | None = None) -> xr.DataArray:
+        """A rate in τ as a speed.
+
+        Parameters
+        ----------
+        name : str or None, a variable in rad per unit of τ; default: impact_velocity of a sweep,
+            velocity_before of events
+        unit : 'rad/s', of the relative angle, which is one of the pinion; 'm/s', the same along
+            the normal of the teeth
+        gear_pair : GearPair or group `gear_pair` of a file; default: what the Dataset knows of it
+
+        Returns
+        -------
+        xarray.DataArray of the shape of the variable
+
+        Raises
+        ------
+        KeyError
+            where there is no such variable.
+        TypeError, ValueError
+            for a variable that is no rate, an unknown unit, or a Dataset that does not know its
+            gear pair.
+        """
+        choice("unit", unit, SPEED_UNITS)
+        if name is None:
+            known = ("impact_velocity", "velocity_before", "phi_dot")
+            name = next((one for one in known if one in self._dataset), known[0])
+        rate = self._dataset[name]
+        if "tau" not in str(rate.attrs.get("long_name", "")):
+            raise ValueError(wrong("name", name, "a variable in rad per unit of tau"))
+        factor = self._of_pair("natural_frequency", gear_pair)
+        if unit == "m/s":
+            factor *= self._of_pair("pinion_base_lever", gear_pair)
+        words = str(rate.attrs["long_name"]).partition(", per unit of")[0]
+        return (rate * factor).assign_attrs(units=unit, long_name=words)
+
+    def _of_pair(self, name: str, gear_pair: GearPair | Mapping[str, Any] | None) -> float:
+        if gear_pair is None:
+            if name not in self._dataset.attrs:
+                raise ValueError(f"this Dataset does not tell its {name}: expected gear_pair=")
+            return float(self._dataset.attrs[name])
+        return float(gear_pair[name] if isinstance(gear_pair, Mapping)
+                     else getattr(gear_pair, name))
+
+    def impacts(self, **at: Any) -> xr.Dataset:
+        """The listed impacts of one point of a sweep, or of several.
+
+        Parameters
+        ----------
+        **at : values of the coordinates, as of `Dataset.sel`: start='up', brake_torque=3.3; the
+            nearest value of the parameter is taken
+
+        Returns
+        -------
+        xarray.Dataset over `impact`: impact_phase, impact_velocity, impact_flank, and the
+        coordinates of the point of each
+
+        Raises
+        ------
+        KeyError
+            where there are no impacts ('impacts' was not observed), or no such coordinate.
+        """
+        import numpy as np
+
+        from lapwing.base.arrivals import listed_impacts
+
+        columns = ["impact_phase", "impact_velocity", "impact_flank"]
+        if missing := [name for name in columns if name not in self._dataset]:
+            raise KeyError(f"no {', '.join(missing)}: expected a sweep with observe=('impacts', …)")
+        words = {key: value for key, value in at.items() if isinstance(value, str)}
+        numbers = {key: value for key, value in at.items() if key not in words}
+        chosen = self._dataset[["first_impact", "kept_impacts"]].sel(words)
+        if numbers:
+            chosen = chosen.sel(numbers, method="nearest")
+        place, point = listed_impacts(chosen)
+        listed = self._dataset[columns].isel(impact=place)
+        kept = chosen["kept_impacts"]
+        index = np.unravel_index(point, kept.shape) if kept.ndim else ()
+        return listed.assign_coords({**kept.drop_vars(kept.dims).coords, **{
+            dim: ("impact", chosen[dim].values[one])
+            for dim, one in zip(kept.dims, index, strict=True)}})
+
+    def figures(self) -> tuple[str, ...]:
+        """Names of the figures that this Dataset can be drawn as, methods of this object."""
+        from lapwing.plots import shows
+
+        return tuple(module.rpartition(".")[2] for study in STUDIES.values()
+                     if study.kind == self._kind() for module in study.figures
+                     if shows(module, self._dataset))
+
+    def _kind(self) -> str:
+        """Which kind of study it comes from; empty where that cannot be told."""
+        if "sample" in self._dataset.dims:
+            return "response"
+        if "find" in self._dataset.attrs:
+            return "critical"
+        return "sweep" if "recorded_cycle" in self._dataset.dims else ""
+
+    def __getattr__(self, name: str) -> Callable[..., Figure]:
+        """The figure of a name (`figures`): a function of what its `draw` takes by keyword."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        known = self.figures()
+        if name not in known:
+            raise AttributeError(f"no figure {name!r} of this Dataset, expected one of "
+                                 f"{', '.join(known) or 'none'}")
+        from lapwing.plots import figure_of
+        from lapwing.results.file import pair_attributes
+
+        def drawn(gear_pair: GearPair | Mapping[str, Any] | None = None, **options: Any) -> Figure:
+            if gear_pair is not None and not isinstance(gear_pair, Mapping):
+                gear_pair = pair_attributes(gear_pair)
+            return figure_of(name, self._dataset, gear_pair=gear_pair, **options)
+
+        return drawn
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *self.figures()})
+
+
+def register() -> None:
+    """Give every xarray Dataset the attribute `lapwing`."""
+    import xarray as xr
+
+    if not hasattr(xr.Dataset, "lapwing"):
+        xr.register_dataset_accessor("lapwing")(LapwingAccessor)

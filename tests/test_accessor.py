@@ -1,0 +1,107 @@
+"""What Datasets of Lapwing can do by themselves: speeds, impacts of a point, figures."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import lapwing
+from helpers import PAIR, SHIPPED, scene_a
+
+SWEPT = {"values": [1.8, 3.3], "pinion_speed_rpm": 240, "impact_law": "absolute", "settle": 20,
+         "record": 8, "observe": ("cycles", "impacts", "exponents")}
+
+
+@pytest.fixture(scope="module")
+def swept():
+    return lapwing.sweep(PAIR, SHIPPED, **SWEPT)
+
+
+@pytest.fixture(scope="module")
+def response():
+    return lapwing.response(scene_a(1.8), PAIR, name="r", settle=20, record=8,
+                            samples_per_cycle=40)
+
+
+def test_speeds_have_a_unit(swept, response):
+    speed = swept.lapwing.speed()
+    np.testing.assert_array_equal(
+        speed, swept["impact_velocity"] * PAIR.natural_frequency)
+    assert speed.attrs["units"] == "rad/s" and "tau" not in speed.attrs["long_name"]
+    along = response.lapwing.speed("phi_dot", "m/s")
+    np.testing.assert_allclose(
+        along, response["phi_dot"] * PAIR.natural_frequency * PAIR.pinion_base_lever, rtol=4e-16)
+    run = lapwing.simulate(scene_a(1.8), cycles=5)
+    np.testing.assert_array_equal(run.events.lapwing.speed(gear_pair=PAIR),
+                                  run.events["velocity_before"] * PAIR.natural_frequency)
+
+
+def test_what_has_no_speed_is_refused(swept):
+    run = lapwing.simulate(scene_a(1.8), cycles=5)
+    with pytest.raises(ValueError, match="does not tell its natural_frequency"):
+        run.events.lapwing.speed()
+    with pytest.raises(ValueError, match="in rad per unit of tau"):
+        swept.lapwing.speed("phi")
+    with pytest.raises(ValueError, match="one of 'rad/s', 'm/s'"):
+        swept.lapwing.speed(unit="mph")
+    with pytest.raises(KeyError):
+        run.cycles.lapwing.speed("none")
+
+
+def test_a_sweep_of_the_pair_does_not_claim_one_frequency():
+    swept = lapwing.sweep(PAIR, SHIPPED, **{**SWEPT, "values": [3e8, 3.2e8]},
+                          parameter="mesh_stiffness", brake_torque=3.3)
+    assert "natural_frequency" not in swept.attrs
+    backlash = lapwing.sweep(PAIR, SHIPPED, **{**SWEPT, "values": [1e-3, 2e-3]},
+                             parameter="backlash", brake_torque=3.3)
+    assert backlash.attrs["natural_frequency"] == PAIR.natural_frequency
+
+
+def test_impacts_of_a_point(swept):
+    listed = swept.lapwing.impacts(start="rest", brake_torque=1.8)
+    run = lapwing.simulate(scene_a(1.8), cycles=28, rtol=1e-6)
+    later = run.events.where((run.events.kind <= 2) & (run.events.cycle >= 20), drop=True)
+    np.testing.assert_array_equal(listed["impact_phase"], later["phase"])
+    with pytest.raises(KeyError, match="observe"):
+        run.cycles.lapwing.impacts()
+
+
+def test_figures_are_methods(swept, response):
+    assert {"orbit_diagram", "exponents"} <= set(swept.lapwing.figures())
+    assert "waterfall" not in swept.lapwing.figures()
+    assert len(swept.lapwing.orbit_diagram().axes) == 4
+    assert "history" in dir(response.lapwing)
+    with_units = response.lapwing.phase_portrait(gear_pair=PAIR)
+    assert any("rad/s" in axis.get_ylabel() for axis in with_units.axes)
+    with pytest.raises(AttributeError, match="no figure 'waterfall'"):
+        swept.lapwing.waterfall  # noqa: B018
+    with pytest.raises(TypeError, match="no option 'colour'"):
+        swept.lapwing.orbit_diagram(colour="red")
+
+
+def test_the_time_is_a_coordinate(response):
+    assert response["phi"].coords["time"].attrs["units"] == "s"
+    lines = response["phi"].plot(x="time")
+    np.testing.assert_array_equal(lines[0].get_xdata(), response["time"])
+
+
+def test_any_dataset_of_another_kind_has_no_figure():
+    assert xr.Dataset().lapwing.figures() == ()
+
+
+def test_lapwing_alone_loads_no_xarray():
+    code = ("import sys, lapwing; lapwing.GearPair; assert 'xarray' not in sys.modules; "
+            "lapwing.sweep; import xarray; assert hasattr(xarray.Dataset, 'lapwing')")
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_bar_is_told_the_fraction_done(monkeypatch):
+    from lapwing import progress
+
+    told = []
+    monkeypatch.setattr(progress.Bars, "_tell", lambda self, study: told.append(study.fraction))
+    with lapwing.progress_bar("torques") as done:
+        lapwing.sweep(PAIR, SHIPPED, **SWEPT, progress=done)
+    assert told and told[-1] == 1.0
