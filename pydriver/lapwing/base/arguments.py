@@ -12,10 +12,14 @@ import os
 import warnings
 from collections.abc import Callable, Iterable
 from numbers import Integral, Real
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from lapwing.base.messages import cut
+
+if TYPE_CHECKING:
+    from lapwing.base.codes import MotionState
 
 # The engine counts in 32 bits.
 MAX_INT = 2**31 - 1
@@ -54,12 +58,16 @@ def plain(value: object) -> object:
     return value
 
 
+def _is_masked(value: object) -> bool:
+    return value is np.ma.masked
+
+
 def real(name: str, value: object, *, low: float = -MOST, high: float = MOST,
          above: float | None = None, below: float | None = None) -> float:
     """A finite number: low <= value <= high, above < value < below where these are given."""
     expected = _range("a number", low, high, above, below)
     given = plain(value)
-    if isinstance(given, bool) or not isinstance(given, Real) or given is np.ma.masked:
+    if isinstance(given, bool) or not isinstance(given, Real) or _is_masked(given):
         raise TypeError(wrong(name, value, expected))
     try:
         number = float(given)
@@ -86,7 +94,7 @@ def whole(name: str, value: object, low: int = 0, high: int = MAX_INT - 1) -> in
     """A whole number that the engine can count; 1.0 and True are none."""
     expected = f"a whole number from {low} to {high}"
     given = plain(value)
-    if isinstance(given, bool) or not isinstance(given, Real) or given is np.ma.masked:
+    if isinstance(given, bool) or not isinstance(given, Real) or _is_masked(given):
         raise TypeError(wrong(name, value, expected))
     if not isinstance(given, Integral):
         raise ValueError(wrong(name, value, expected))
@@ -109,7 +117,7 @@ def flag(name: str, value: object) -> bool:
     return given
 
 
-def renamed(old: dict, who: str, names: dict) -> list:
+def renamed(old: dict[str, Any], who: str, names: dict[str, tuple[str, Any]]) -> list[Any]:
     """Values of arguments some of which have old names; a warning for each old one.
 
     Parameters
@@ -147,11 +155,12 @@ def choice(name: str, value: object, allowed: Iterable[str]) -> str:
     return str(value)
 
 
-def choices(name: str, value: object, allowed: Iterable[str], *, least: int = 0) -> tuple:
+def choices(name: str, value: object, allowed: Iterable[str], *, least: int = 0) -> tuple[str, ...]:
     """Some of some words, each once; a single word is no list of them."""
     expected = f"a tuple of {', '.join(map(repr, allowed))}, each once"
     try:
-        words = None if isinstance(value, str | bytes | dict) else tuple(value)
+        words = None if isinstance(value, str | bytes | dict) \
+            else tuple(cast(Iterable[Any], value))
     except TypeError:
         words = None
     if words is None:
@@ -164,7 +173,7 @@ def choices(name: str, value: object, allowed: Iterable[str], *, least: int = 0)
     return words
 
 
-def path(name: str, value: object) -> str | os.PathLike:
+def path(name: str, value: object) -> str | os.PathLike[str]:
     """A path; a number would be taken for an open file, and that be closed."""
     expected = "a path: text or os.PathLike, without null characters"
     if not isinstance(value, str | os.PathLike):
@@ -181,7 +190,7 @@ def instance(name: str, value: object, kind: type) -> object:
     return value
 
 
-def function(name: str, value: object) -> Callable:
+def function(name: str, value: object) -> Callable[..., Any]:
     """Something that can be called."""
     if not callable(value):
         raise TypeError(wrong(name, value, "something that can be called"))
@@ -222,7 +231,7 @@ def reals(name: str, value: object, *, ndim: int | None = None, empty: bool = Fa
     return array
 
 
-def _of_objects(name, value, array, expected):
+def _of_objects(name: str, value: Any, array: Any, expected: Any) -> Any:
     """Numbers that NumPy keeps as objects, such as whole ones beyond 64 bits."""
     try:
         return np.array([real(name, item) for item in array.flat]).reshape(array.shape)
@@ -238,7 +247,8 @@ class Refusals:
     def __init__(self) -> None:
         self.problems: list[str] = []
 
-    def take(self, converter: Callable, name: str, value: object, *args, **kwargs):
+    def take(self, converter: Callable[..., Any], name: str, value: object,
+             *args: int | tuple[str, ...] | type, **kwargs: float) -> Any:
         """The converted value, or None where it is refused."""
         try:
             return converter(name, value, *args, **kwargs)
@@ -246,13 +256,14 @@ class Refusals:
             self.problems.append(str(error))
             return None
 
-    def raise_if_any(self, what: str):
+    def raise_if_any(self, what: str) -> None:
         """ValueError with every sentence."""
         if self.problems:
             raise ValueError(f"{what}: " + "; ".join(self.problems))
 
 
-def _range(kind, low, high, above, below):
+def _range(kind: str, low: float, high: MotionState | float, above: float | None,
+           below: float | None) -> str:
     low_word = f"above {above:g}" if above is not None else f"from {low:g}"
     high_word = f"below {below:g}" if below is not None else f"to {high:g}"
     return f"{kind} {low_word} {high_word}" if math.isfinite(high) else f"{kind} {low_word}"

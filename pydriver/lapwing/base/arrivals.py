@@ -7,11 +7,16 @@ told, whatever the depth of its flight. Periods, classes, reports and figures al
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.codes import EventKind, Status
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 class Arrivals(NamedTuple):
@@ -31,10 +36,10 @@ class Arrivals(NamedTuple):
     coast: str
     every_drive: str
     every_coast: str
-    kinds: tuple
+    kinds: tuple[EventKind, EventKind]
     threshold: bool
 
-    def rule(self, count_depth):
+    def rule(self, count_depth: float) -> str:
         """Which arrivals are told, in words; `count_depth` is a part of the deepest separation."""
         if self.threshold:
             return f"after flights deeper than {100 * count_depth:g} % of their cycle's deepest"
@@ -47,17 +52,17 @@ ENGAGEMENTS = Arrivals("engagement", "engages", "back_engages", "engages", "back
                        (EventKind.ENGAGE, EventKind.BACK_ENGAGE), False)
 
 
-def arrivals_of(contact_law):
+def arrivals_of(contact_law: str) -> Arrivals:
     """Arrivals under a contact law, given by its name in lower case."""
     return ENGAGEMENTS if contact_law == "compliant" else IMPACTS
 
 
-def arrivals_in(attrs):
+def arrivals_in(attrs: Mapping[Any, Any]) -> Arrivals:
     """Arrivals of a response or a sweep, from its attributes."""
     return arrivals_of(attrs.get("contact_law", "restitution"))
 
 
-def per_cycle(sweep, side="drive"):
+def per_cycle(sweep: xr.Dataset, side: str = "drive") -> NDArray[Any]:
     """Arrivals per mesh cycle at each point of a sweep.
 
     Means over the last whole period, or over all recorded cycles of a motion without one.
@@ -72,8 +77,8 @@ def per_cycle(sweep, side="drive"):
     array of the shape of `status`; NaN where there is no result
     """
     law = arrivals_in(sweep.attrs)
-    counts = sweep[law.drive if side == "drive" else law.coast].transpose(..., "recorded_cycle")
-    counts, period = counts.values.astype(float), sweep["period"].values
+    column = sweep[law.drive if side == "drive" else law.coast].transpose(..., "recorded_cycle")
+    counts, period = column.values.astype(float), sweep["period"].values
     done = sweep["status"].values == Status.OK
     result = np.full(period.shape, np.nan)
     for length in np.unique(period[done]):
@@ -82,7 +87,7 @@ def per_cycle(sweep, side="drive"):
     return result
 
 
-def listed_impacts(sweep):
+def listed_impacts(sweep: xr.Dataset) -> tuple[NDArray[Any], NDArray[Any]]:
     """Which impacts of a sweep's list belong to which of its points.
 
     Parameters

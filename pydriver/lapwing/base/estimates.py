@@ -10,6 +10,7 @@ import errno
 import math
 import shutil
 from pathlib import Path
+from typing import Any
 
 # Columns of the engine's tables (loading it takes longer than `check` itself), bytes of a number.
 CYCLE, TANGENT, LOG, SAMPLE, REAL = 17, 13, 6, 3, 8
@@ -53,7 +54,7 @@ def available_bytes(root: Path = Path("/")) -> int | None:
     return max(0, min(found)) if found else None
 
 
-def require(needed: int, who: str, keys: str):
+def require(needed: int, who: str, keys: str) -> None:
     """MemoryError where more is needed than there is, before any of it is taken.
 
     For little it is not asked what there is: that takes longer than a short run.
@@ -79,14 +80,14 @@ def spell(count: int) -> str:
     return f"{count / 1000**power:.3g} {('bytes', 'kB', 'MB', 'GB', 'TB', 'PB')[power]}"
 
 
-def deck_bytes(deck: object) -> list[tuple[str, int, str]]:
+def deck_bytes(deck: Any) -> list[tuple[str, int, str]]:
     """(what it is, bytes at least, keys to lower) of each study of a deck that takes many."""
     found = [(f"&{asked.kind} {asked.name!r}", asked.keys.memory(asked))
              for studies in deck.studies.values() for asked in studies]
     return [(what, *memory) for what, memory in found if memory]
 
 
-def disk_bytes(deck: object) -> tuple[int, int]:
+def disk_bytes(deck: Any) -> tuple[int, int]:
     """Bytes of a deck's results: at least on disk, and of the result file's tables as such.
 
     Tables of samples and cycles are compressed, regular motions to a small part, chaotic ones
@@ -97,7 +98,7 @@ def disk_bytes(deck: object) -> tuple[int, int]:
     return tables // PACKED + FIGURE * sum(figures for _, figures in found), tables
 
 
-def require_disk(deck: object, folder: Path, free: int | None = None):
+def require_disk(deck: Any, folder: Path, free: int | None = None) -> None:
     """OSError (no space left) where the results of a deck cannot fit, before any work.
 
     Parameters
@@ -114,7 +115,7 @@ def require_disk(deck: object, folder: Path, free: int | None = None):
                                     f"{spell(free)} are free", str(folder))
 
 
-def stated(deck: object) -> str:
+def stated(deck: Any) -> str:
     """What a deck takes at least, to end a line of `check`: memory of its largest study, disk."""
     most = max((needed for _, needed, _ in deck_bytes(deck)), default=0)
     least, tables = disk_bytes(deck)
@@ -122,32 +123,32 @@ def stated(deck: object) -> str:
             f"{spell(tables)} of tables where they cannot be compressed") * (most > 0)
 
 
-def refusals(deck: object) -> list[str]:
+def refusals(deck: Any) -> list[str]:
     """One message for each study of a deck that does not fit into the memory available."""
     available = available_bytes()
     texts = ((what, refusal(needed, keys, available)) for what, needed, keys in deck_bytes(deck))
     return [f"{deck.path}: {what} {text}" for what, text in texts if text]
 
 
-def _read(path):
+def _read(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, ValueError):
         return ""
 
 
-def _kilobytes(text):
+def _kilobytes(text: str) -> dict[str, int]:
     """Name -> bytes of the lines `name: number kB` of proc."""
     rows = (line.replace(":", " ").split() for line in text.splitlines())
     return {row[0]: 1024 * int(row[1]) for row in rows if len(row) == 3 and row[2] == "kB"}
 
 
-def _of_system(root):
+def _of_system(root: Path) -> list[int]:
     facts = _kilobytes(_read(root / "proc/meminfo"))
     return [facts["MemAvailable"] + facts.get("SwapFree", 0)] if "MemAvailable" in facts else []
 
 
-def _of_address_space(root):
+def _of_address_space(root: Path) -> list[Any]:
     try:
         import resource
     except ImportError:  # not on Windows
@@ -158,7 +159,7 @@ def _of_address_space(root):
     return [limit - _kilobytes(_read(root / "proc/self/status")).get("VmSize", 0)]
 
 
-def _of_groups(root):
+def _of_groups(root: Path) -> list[Any]:
     """Of each control group with a limit, what is left; its file cache can be given back."""
     left = []
     for line in _read(root / "proc/self/cgroup").splitlines():

@@ -5,10 +5,12 @@ from __future__ import annotations
 import html
 import re
 from collections.abc import Callable, Iterable, Mapping
+from typing import TypeVar
 
 MAX_OF_A_KIND, MAX_MESSAGES, MAX_CHARACTERS, MAX_LENGTH = 20, 200, 20_000, 800
 _LONGEST_WORD = 200
 _WORD = re.compile(r"'[^']*'|= \S+|\S+")
+Problem = TypeVar("Problem")
 _VARIABLE = re.compile("['=]|.*[0-9]")
 
 
@@ -36,7 +38,8 @@ def cut_words(text: str) -> str:
     return cut(text, MAX_LENGTH)
 
 
-def bounded(problems: Iterable, text_of: Callable, with_text: Callable) -> list:
+def bounded(problems: Iterable[Problem], text_of: Callable[[Problem], str],
+            with_text: Callable[[Problem, str], Problem]) -> list[Problem]:
     """The first problems of each kind, and of all; the last one of them counts the others.
 
     Parameters
@@ -45,8 +48,11 @@ def bounded(problems: Iterable, text_of: Callable, with_text: Callable) -> list:
     text_of : function, problem -> its message
     with_text : function, (problem, message) -> the same problem with another message
     """
-    kept, number, left_out, last, characters = [], {}, {}, {}, 0
-    beyond = 0
+    kept: list[Problem] = []
+    number: dict[str, int] = {}
+    left_out: dict[str, int] = {}
+    last: dict[str, int] = {}
+    characters = beyond = 0
     for problem in problems:
         text = text_of(problem)
         kind = _kind(text)
@@ -70,6 +76,6 @@ def bounded(problems: Iterable, text_of: Callable, with_text: Callable) -> list:
     return kept
 
 
-def _kind(text):
+def _kind(text: str) -> str:
     """A message without what differs in its kind: quoted texts, values, words with digits."""
     return _WORD.sub(lambda word: "#" if _VARIABLE.match(word[0]) else word[0], text)

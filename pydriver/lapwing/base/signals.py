@@ -9,12 +9,16 @@ from __future__ import annotations
 import _thread
 import sys
 import threading
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from signal import SIG_IGN, Signals, getsignal, raise_signal, signal
+from typing import Any
 
 try:
-    from signal import pthread_kill
+    from signal import pthread_kill as _kill
+
+    pthread_kill: Callable[[int, int], None] | None = _kill
 except ImportError:  # pragma: no cover - Windows
     pthread_kill = None
 
@@ -32,7 +36,7 @@ class Stopped(KeyboardInterrupt):
     signum : int, the signal
     """
 
-    def __init__(self, signum: int):
+    def __init__(self, signum: int) -> None:
         super().__init__(f"stopped by {Signals(signum).name}")
         self.signum = signum
 
@@ -40,14 +44,14 @@ class Stopped(KeyboardInterrupt):
 class _Ear:
     """What was heard since the outermost `listen` began; only the main thread changes it."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.listening = False
         self.holds = 0
-        self.signum = None
+        self.signum: int | None = None
         self.raised = False
-        self.before = {}
+        self.before: dict[int, Any] = {}
 
-    def hear(self, signum, frame=None):
+    def hear(self, signum: int, frame: Any = None) -> None:
         """Signal handler: a signal after the first changes nothing."""
         if self.signum is None:
             self.signum = signum
@@ -56,7 +60,7 @@ class _Ear:
         else:
             self.raise_if_due()
 
-    def raise_if_due(self):
+    def raise_if_due(self) -> None:
         """Raise what was heard, once, unless it is held."""
         if self.signum is not None and not self.holds and not self.raised:
             self.raised = True
@@ -67,7 +71,7 @@ _ear = _Ear()
 
 
 @contextmanager
-def listen():
+def listen() -> Iterator[None]:
     """Have SIGINT, SIGTERM and SIGUSR1 raise `Stopped` in the main thread, the first one only.
 
     Once it is raised, further signals are ignored until the block ends: what is written while
@@ -78,7 +82,7 @@ def listen():
     if not _in_main_thread() or _ear.listening:
         yield
         return
-    _ear.__init__()
+    _ear.__init__()  # type: ignore[misc]  # the one object that handlers know
     _ear.listening = True
     _ear.holds = 1  # a handler must not raise while only some are in place
     hook = sys.unraisablehook
@@ -92,8 +96,8 @@ def listen():
         yield
     finally:
         _ear.holds += 1
-        for signum, handler in _ear.before.items():
-            signal(signum, handler)
+        for number, handler in _ear.before.items():
+            signal(number, handler)
         sys.unraisablehook = hook
         _ear.listening = False
         if _ear.signum is not None and not _ear.raised:
@@ -101,7 +105,7 @@ def listen():
 
 
 @contextmanager
-def held():
+def held() -> Iterator[None]:
     """Defer signals to the end of the block, where `Stopped` is raised.
 
     While a run is stopping already, and in other threads, nothing is raised at the end.  Where the
@@ -142,11 +146,11 @@ def check() -> None:
         raise Stopped(_ear.signum)
 
 
-def _in_main_thread():
+def _in_main_thread() -> bool:
     return threading.current_thread() is threading.main_thread()
 
 
-def _importing(frame):
+def _importing(frame: Any) -> bool:
     """Whether a module is being loaded: an exception would leave it torn for good."""
     while frame is not None:
         if frame.f_code.co_filename.startswith("<frozen importlib"):
@@ -155,18 +159,20 @@ def _importing(frame):
     return False
 
 
-def _later(signum):
+def _later(signum: int) -> None:
     """Let a signal come again."""
     # A real signal where there is one: it also wakes what waits for a lock.
-    send = partial(pthread_kill, threading.main_thread().ident) if pthread_kill \
-        else _thread.interrupt_main
+    ident = threading.main_thread().ident
+    send: Callable[..., None] = _thread.interrupt_main
+    if pthread_kill and ident is not None:
+        send = partial(pthread_kill, ident)
     timer = threading.Timer(AGAIN, send, [signum])
     timer.daemon = True
     with suppress(RuntimeError):  # no thread to be had: `check` finds it
         timer.start()
 
 
-def _once_more(lost, hook):
+def _once_more(lost: sys.UnraisableHookArgs, hook: Callable[[Any], Any]) -> None:
     """What a destructor or a callback raises goes nowhere: raise it again a little later."""
     if not isinstance(lost.exc_value, Stopped):
         hook(lost)

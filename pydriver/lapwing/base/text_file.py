@@ -7,12 +7,14 @@ import math
 import os
 import re
 import stat
+from typing import Any
 
 _BYTE_ORDER_MARKS = ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
 _KINDS = ((stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a named pipe"),
           (stat.S_ISSOCK, "a socket"), (stat.S_ISCHR, "a device"), (stat.S_ISBLK, "a device"))
-_REASONS = {errno.ENOENT: "no such file", errno.ELOOP: "symbolic links that lead in a circle",
-            errno.EACCES: "no permission to read it"}
+_REASONS: dict[int, str | None] = {
+    errno.ENOENT: "no such file", errno.ELOOP: "symbolic links that lead in a circle",
+    errno.EACCES: "no permission to read it"}
 # ASCII digits only: `float` would also take 1_0 and the digits of other scripts.  No two parts of
 # it can take the same digits: a long word that is no number must not be tried in all ways.
 REAL = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[ed][+-]?[0-9]+)?", re.IGNORECASE)
@@ -28,12 +30,12 @@ class TextFileError(ValueError):
     text : str, what is wrong and what is expected
     """
 
-    def __init__(self, line: int, column: int, text: str):
+    def __init__(self, line: int, column: int, text: str) -> None:
         self.line, self.column, self.text = line, column, text
         super().__init__(text)
 
 
-def read_text(path: str | os.PathLike, limit: int, reason: str) -> str:
+def read_text(path: str | os.PathLike[str], limit: int, reason: str) -> str:
     """Text of a file in UTF-8, or in UTF-16 with its mark; lines end with a newline.
 
     Parameters
@@ -54,7 +56,7 @@ def read_text(path: str | os.PathLike, limit: int, reason: str) -> str:
     try:
         data = _read_bytes(path, limit, reason)
     except OSError as error:
-        words = _REASONS.get(error.errno, error.strerror)
+        words = _REASONS.get(error.errno or 0, error.strerror)
         raise OSError(error.errno, words) from error
     encoding = next((name for mark, name in _BYTE_ORDER_MARKS if data.startswith(mark)), "utf-8")
     try:
@@ -70,7 +72,7 @@ def read_text(path: str | os.PathLike, limit: int, reason: str) -> str:
     return text
 
 
-def _read_bytes(path, limit, reason):
+def _read_bytes(path: str | os.PathLike[str], limit: int, reason: str) -> bytes:
     """All bytes of a regular file; nothing else is opened, and opening never waits."""
     _expect_file(os.stat(path))
     descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)
@@ -85,13 +87,13 @@ def _read_bytes(path, limit, reason):
     return data
 
 
-def _expect_file(facts):
+def _expect_file(facts: Any) -> None:
     if not stat.S_ISREG(facts.st_mode):
         kind = next((name for test, name in _KINDS if test(facts.st_mode)), "no regular file")
         raise OSError(errno.EINVAL, f"{kind}; expected a file")
 
 
-def _at(before, text):
+def _at(before: str, text: str) -> TextFileError:
     """The error behind the text `before`, whatever ends its lines."""
     before = before.lstrip("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
     return TextFileError(before.count("\n") + 1, len(before) - before.rfind("\n"), text)

@@ -15,7 +15,7 @@ _LIST = re.compile(r"\s*\+?([0-9]{1,20})\s*(,\s*\+?[0-9]+\s*)*", re.ASCII)
 _state = {"forked": False}
 
 
-def _born_by_fork():
+def _born_by_fork() -> None:
     _state["forked"] = True
 
 
@@ -66,7 +66,7 @@ def usable_threads(wanted: int, tasks: int) -> int:
     return wanted if wanted == 1 else 1 + _can_begin(wanted - 1)
 
 
-def _can_begin(wanted):
+def _can_begin(wanted: int) -> int:
     """How many threads can be begun at this moment, of those wanted: by beginning them.
 
     Where not all can, half of those that could are left to what the others allocate.
@@ -86,12 +86,12 @@ def _can_begin(wanted):
     return len(begun) if len(begun) == wanted else len(begun) // 2
 
 
-def _processors():
+def _processors() -> int:
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return max(1, min(allowed or 1, _cgroup_quota()))
 
 
-def _cgroup_quota():
+def _cgroup_quota() -> int:
     """Whole processors a control group grants; a large number where none does."""
     try:
         with open("/sys/fs/cgroup/cpu.max", encoding="ascii") as file:

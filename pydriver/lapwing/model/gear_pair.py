@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass
 from types import SimpleNamespace
+from typing import TYPE_CHECKING
 
 from lapwing.base import arguments
 from lapwing.base.arguments import LEAST, MOST, Refusals
@@ -17,6 +18,9 @@ from lapwing.model.oscillator import (
     Scales,
     number_problems,
 )
+
+if TYPE_CHECKING:
+    from lapwing.model.transmission_error.table import TransmissionError
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,7 @@ class GearPair:
     damping_ratio: float | None = None
     mesh_damping: float | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         taken = Refusals()
         for key in ("pinion_teeth", "gear_teeth"):
             count = taken.take(arguments.whole, key, getattr(self, key), 1)
@@ -70,7 +74,7 @@ class GearPair:
         if problems:
             raise ParameterError("gear pair", problems)
 
-    def _derived_problems(self):
+    def _derived_problems(self) -> list[str]:
         """What the numbers give together where that leaves the range of numbers."""
         problems = []
         for name in ("equivalent_inertia", "torsional_stiffness", "natural_frequency",
@@ -93,44 +97,45 @@ class GearPair:
                                        "damping ratio": f"{self.xi:.6g}"})
 
     @property
-    def gear_ratio(self):
+    def gear_ratio(self) -> float:
         """i12 = Z2/Z1."""
         return self.gear_teeth / self.pinion_teeth
 
     @property
-    def equivalent_inertia(self):
+    def equivalent_inertia(self) -> float:
         """J = J1·J2/(i12²·J1 + J2), kg·m²."""
         return self.pinion_inertia * self.gear_inertia / self.total_inertia
 
     @property
-    def total_inertia(self):
+    def total_inertia(self) -> float:
         """M = i12²·J1 + J2, of both wheels turning together, on the gear's side, kg·m²."""
         return self.gear_ratio**2 * self.pinion_inertia + self.gear_inertia
 
     @property
-    def torsional_stiffness(self):
+    def torsional_stiffness(self) -> float:
         """k = k'·(r_m1·n_mt)², N·m/rad."""
         return self.mesh_stiffness * self.pinion_base_lever**2
 
     @property
-    def natural_frequency(self):
+    def natural_frequency(self) -> float:
         """ω' = √(k/J), rad/s."""
         return math.sqrt(self.torsional_stiffness / self.equivalent_inertia)
 
     @property
-    def xi(self):
+    def xi(self) -> float:
         """Damping ratio ξ = c'·(r_m1·n_mt)²/(2√(J·k)), or as given."""
         if self.damping_ratio is not None:
             return self.damping_ratio
+        assert self.mesh_damping is not None  # exactly one of the two is given
         critical = 2 * math.sqrt(self.equivalent_inertia * self.torsional_stiffness)
         return self.mesh_damping * self.pinion_base_lever**2 / critical
 
     @property
-    def force_per_torque(self):
+    def force_per_torque(self) -> float:
         """F per brake torque at the balance T_m = T_l/i12: 1/(i12·J·ω'²), rad/(N·m)."""
         return 1 / (self.gear_ratio * self.torsional_stiffness)
 
-    def force(self, brake_torque, drive_torque=None):
+    def force(self, brake_torque: float, drive_torque: float | None = None) -> float:
         """F = i12·T_l/(J2·ω'²) + T_m/(J1·ω'²), rad; torques in N·m, default T_m = T_l/i12.
 
         Raises
@@ -143,17 +148,20 @@ class GearPair:
             drive_torque = arguments.real("drive_torque", drive_torque)
         return force_at(self, brake_torque, drive_torque)
 
-    def _mean_rotation(self, mesh_frequency_ratio, brake_torque, drive_torque=None):
+    def _mean_rotation(self, mesh_frequency_ratio: float, brake_torque: float,
+                       drive_torque: float | None = None) -> MeanRotation:
         """`MeanRotation` at Ω and torques in N·m; without a drive torque there is the balance."""
         unbalanced = 0.0 if drive_torque is None else self.gear_ratio * drive_torque - brake_torque
         return MeanRotation(unbalanced / self.total_inertia / self.natural_frequency**2,
                             self.gear_inertia / self.total_inertia,
                             mesh_frequency_ratio / self.pinion_teeth)
 
-    def oscillator(self, te, *, brake_torque, drive_torque=None, pinion_speed_rpm=None,
-                   pinion_speed_rad_s=None, mesh_frequency_hz=None, contact_law="restitution",
-                   impact_law="relative", gap="one_sided", back_flank_te=True,
-                   te_sign="printed", degrees_of_freedom=1):
+    def oscillator(self, te: TransmissionError, *, brake_torque: float,
+                   drive_torque: float | None = None, pinion_speed_rpm: float | None = None,
+                   pinion_speed_rad_s: float | None = None, mesh_frequency_hz: float | None = None,
+                   contact_law: str = "restitution", impact_law: str = "relative",
+                   gap: str = "one_sided", back_flank_te: bool = True, te_sign: str = "printed",
+                   degrees_of_freedom: int = 1) -> Oscillator:
         """Reduce to the dimensionless oscillator; F as in `force`, Ω = Z1·n1/ω'.
 
         Parameters
@@ -196,8 +204,9 @@ class GearPair:
             raise ParameterError("oscillator", problems)
         return result
 
-    def mesh_frequency(self, pinion_speed_rpm=None, pinion_speed_rad_s=None,
-                       mesh_frequency_hz=None):
+    def mesh_frequency(self, pinion_speed_rpm: float | None = None,
+                       pinion_speed_rad_s: float | None = None,
+                       mesh_frequency_hz: float | None = None) -> float:
         """Angular mesh frequency Z1·n1, rad/s, from the one speed that is given.
 
         Raises
@@ -213,7 +222,7 @@ class GearPair:
         return frequency_at(self, **speeds)
 
 
-def force_at(pair, brake_torque, drive_torque=None):
+def force_at(pair: GearPair, brake_torque: Any, drive_torque: Any = None) -> Any:
     """`GearPair.force` of numbers or arrays that are known to be finite."""
     if drive_torque is None:
         return pair.force_per_torque * brake_torque
@@ -221,7 +230,8 @@ def force_at(pair, brake_torque, drive_torque=None):
     return (gear + drive_torque / pair.pinion_inertia) / pair.natural_frequency**2
 
 
-def frequency_at(pair, pinion_speed_rpm=None, pinion_speed_rad_s=None, mesh_frequency_hz=None):
+def frequency_at(pair: GearPair, pinion_speed_rpm: Any = None, pinion_speed_rad_s: Any = None,
+                 mesh_frequency_hz: Any = None) -> Any:
     """`GearPair.mesh_frequency` of one number or array known to be above 0."""
     if mesh_frequency_hz is not None:
         return 2 * math.pi * mesh_frequency_hz
@@ -238,7 +248,8 @@ _FROM = {"equivalent_inertia": "pinion_inertia, gear_inertia and the tooth numbe
          "xi": "mesh_damping, mesh_stiffness, pinion_base_lever and the inertias"}
 
 
-def _drive_problems(speeds, brake_torque, drive_torque):
+def _drive_problems(speeds: dict[str, float | None], brake_torque: float | None,
+                    drive_torque: float | None) -> list[str]:
     """What is wrong with speed and torques, one sentence each."""
     given = [key for key, value in speeds.items() if value is not None]
     problems = []

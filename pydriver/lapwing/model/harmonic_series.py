@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 # Value, slope, curvature of a harmonic table, each relative to its own maximum ...
 _HARMONIC_TOLERANCE = (1e-12, 1e-10, 1e-8)
@@ -15,7 +17,7 @@ FINE_TOLERANCE = (1e-16, 2e-14, 3e-12)
 _QUINTIC_REMAINDER = (1 / 46_080, math.sqrt(5) / 30_000, 1 / 1_920)
 
 
-def harmonic_derivative(series, order, phase):
+def harmonic_derivative(series: NDArray[Any], order: int, phase: NDArray[Any]) -> NDArray[Any]:
     """Derivative of Σ amplitude·cos(2πn·phase + shift), rad per period^order, shape of `phase`.
 
     `series` is the (m, 3) array of n, amplitude (rad), shift (rad) kept by `TransmissionError`.
@@ -23,10 +25,12 @@ def harmonic_derivative(series, order, phase):
     number, amplitude, shift = np.asarray(series, dtype=float).T
     rate = 2 * np.pi * number
     angle = np.multiply.outer(phase, rate) + shift + order * np.pi / 2
-    return np.cos(angle) @ (amplitude * rate**order)
+    value: NDArray[Any] = np.cos(angle) @ (amplitude * rate**order)
+    return value
 
 
-def harmonic_pieces(series, tolerance=_HARMONIC_TOLERANCE):
+def harmonic_pieces(series: NDArray[Any],
+                    tolerance: tuple[float, float, float] = _HARMONIC_TOLERANCE) -> int:
     """Smallest number of equal quintic Hermite pieces whose remainder bound is good enough."""
     number, amplitude, _ = series.T
     sixth = np.abs(amplitude) @ (2 * np.pi * number) ** 6
@@ -34,14 +38,14 @@ def harmonic_pieces(series, tolerance=_HARMONIC_TOLERANCE):
         return 1
     # Sampled maxima are below the true ones: the count can only come out on the safe side.
     phase = np.linspace(0, 1, 64 * int(number.max()), endpoint=False)
-    needed = [(bound * sixth / (allowed * np.abs(harmonic_derivative(series, k, phase)).max()))
-              ** (1 / (6 - k))
-              for k, (bound, allowed) in enumerate(
-                  zip(_QUINTIC_REMAINDER, tolerance, strict=True))]
+    needed: list[float] = [
+        (bound * sixth / (allowed * np.abs(harmonic_derivative(series, k, phase)).max()))
+        ** (1 / (6 - k))
+        for k, (bound, allowed) in enumerate(zip(_QUINTIC_REMAINDER, tolerance, strict=True))]
     return math.ceil(max(needed))
 
 
-def order_spectrum(values, cycles):
+def order_spectrum(values: NDArray[Any], cycles: int) -> tuple[NDArray[Any], NDArray[Any]]:
     """Amplitude spectrum of evenly spaced samples over whole mesh cycles, Hann window.
 
     Parameters
@@ -67,7 +71,7 @@ def order_spectrum(values, cycles):
 _QUINTIC_WEIGHTS = np.array([[10, -4, 0.5], [-15, 7, -1], [6, -3, 0.5]])
 
 
-def _taylor_remainders(z):
+def _taylor_remainders(z: NDArray[Any]) -> NDArray[Any]:
     """φ3, φ2, φ1 at z, (3, m): φk(z) = (e^z - Σ_{j<k} z^j/j!)/z^k, without cancellation near 0.
 
     The φ functions of exponential integrators (Hochbruck & Ostermann, Acta Numerica 19 (2010) 209).
@@ -85,7 +89,9 @@ def _taylor_remainders(z):
     return phi
 
 
-def harmonic_table(series, tolerance=_HARMONIC_TOLERANCE):
+def harmonic_table(series: NDArray[Any],
+                   tolerance: tuple[float, float, float] = _HARMONIC_TOLERANCE) -> tuple[
+        NDArray[Any], NDArray[Any]]:
     """Quintic Hermite pieces of a series: knots (n + 1,) and coefficients (n, 6).
 
     Coefficients come from each harmonic's remainder over a piece, not from differences of the

@@ -26,10 +26,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import polynomial as power
+from numpy.typing import ArrayLike, NDArray
 
 from lapwing.base import arguments
 from lapwing.model.linear_steps import (
@@ -81,33 +82,35 @@ class EngagedResponse:
     minimum: float
     minimum_phase: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for array in (self.edges, self.coefficients, self.free):
             array.flags.writeable = False
 
-    def penetration(self, phase, order=0):
+    def penetration(self, phase: ArrayLike, order: int = 0) -> NDArray[Any]:
         """φ (rad) or its derivative with respect to τ at `phase` (periods); right limits."""
         order = arguments.whole("order", order, 0, TERMS)
-        phase = np.mod(arguments.reals("phase", phase, empty=True), 1.0)
-        phase = np.where(phase == 1.0, 0.0, phase)
-        step = np.searchsorted(self.edges, phase, side="right") - 1
+        at = np.mod(arguments.reals("phase", phase, empty=True), 1.0)
+        at = np.where(at == 1.0, 0.0, at)
+        step = np.asarray(np.searchsorted(self.edges, at, side="right") - 1)
         width = np.diff(self.edges)[step]
         local = np.moveaxis(power.polyder(self.coefficients[step], order, axis=-1), -1, 0)
-        value = power.polyval((phase - self.edges[step]) / width, local, tensor=False)
+        value: NDArray[Any] = power.polyval((at - self.edges[step]) / width, local, tensor=False)
         value = value / (width * self.period) ** order
-        return value + self._free_motion(step, phase, order) if self.free.any() else value
+        return value + self._free_motion(step, at, order) if self.free.any() else value
 
-    def _free_motion(self, step, phase, order):
+    def _free_motion(self, step: NDArray[Any], phase: NDArray[Any],
+                     order: int) -> NDArray[Any]:
         """Its value or derivative of an order; each derivative follows from the two before."""
         time = (phase - self.edges[step]) * self.period
         state = np.einsum("xs...,...s->x...", unit_motions(self.damping_ratio, time),
                           self.free[step])
         for _ in range(order):
             state = np.array([state[1], -state[0] - 2 * self.damping_ratio * state[1]])
-        return state[0]
+        last: NDArray[Any] = state[0]
+        return last
 
 
-def engaged_response(osc):
+def engaged_response(osc: Oscillator) -> EngagedResponse:
     """Periodic solution of the engaged equation for any table, at the oscillator's own force.
 
     1. cut the pieces into steps, 2. solve each step for unit starts and for the forcing,
@@ -133,7 +136,7 @@ def engaged_response(osc):
     return replace(response, coefficients=coefficients, minimum=response.minimum + osc.force)
 
 
-def critical_force(osc):
+def critical_force(osc: Oscillator) -> CriticalForce:
     """Smallest force of complete engagement, F_crit = -min h, whatever force `osc` has.
 
     Returns
@@ -151,7 +154,7 @@ def critical_force(osc):
     return CriticalForce(-response.minimum, response.minimum_phase)
 
 
-def critical_torque(osc):
+def critical_torque(osc: Oscillator) -> tuple[float, float]:
     """Smallest brake torque (N·m, drive torque in balance) of complete engagement, and phase.
 
     Raises
@@ -166,7 +169,7 @@ def critical_torque(osc):
     return force / osc.scales.force_per_torque, phase
 
 
-def _unforced(osc):
+def _unforced(osc: Oscillator) -> EngagedResponse:
     """The response h to the flank's motion alone."""
     _refuse_resonance(osc.damping_ratio, osc.period)
     if len(osc.te.harmonics):
@@ -180,14 +183,14 @@ def _unforced(osc):
     return EngagedResponse(edges, coefficients, free, osc.period, osc.damping_ratio, *least)
 
 
-def _long_response(osc):
+def _long_response(osc: Oscillator) -> EngagedResponse:
     """The response where there are few steps, and free motions beside their polynomials."""
     steps = long_response(osc)
     least = least_of_long(osc.damping_ratio, osc.period, *steps)
     return EngagedResponse(*steps, osc.period, osc.damping_ratio, *least)
 
 
-def _response_to_series(osc):
+def _response_to_series(osc: Oscillator) -> tuple[NDArray[Any], NDArray[Any]]:
     """Step ends and φ on each step, from the gain of each harmonic."""
     order, amplitude = flank_harmonics(osc)
     frequency = order * osc.mesh_frequency_ratio
@@ -198,13 +201,13 @@ def _response_to_series(osc):
     return series_steps(order[moving], gain * amplitude[moving])
 
 
-def flank_harmonics(osc):
+def flank_harmonics(osc: Oscillator) -> tuple[NDArray[Any], NDArray[Any]]:
     """Orders and complex amplitudes G_n (rad) of g = Re Σ G_n·e^(2πin·phase)."""
     order, amplitude, shift = osc.te.harmonics.T
     return order, osc.flank_scale * amplitude * np.exp(1j * shift)
 
 
-def series_steps(order, amplitude):
+def series_steps(order: NDArray[Any], amplitude: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Re Σ amplitude·e^(2πi·order·phase) in powers of t on equal steps of the mesh period.
 
     Parameters
@@ -227,7 +230,7 @@ def series_steps(order, amplitude):
     return edges, (start @ turn).real
 
 
-def _response_to_table(osc):
+def _response_to_table(osc: Oscillator) -> tuple[NDArray[Any], NDArray[Any]]:
     """Step ends and φ on each step, from the pieces of the table."""
     edges, forcing = _steps(osc)
     width = np.diff(edges) * osc.period
@@ -242,24 +245,24 @@ def _response_to_table(osc):
     return edges, np.einsum("ni,ink->nk", np.column_stack([states, one]), solve)
 
 
-def _longest(osc):
+def _longest(osc: Oscillator) -> float:
     """Length of the short steps, mesh periods: at most 1/|λ| of both free exponents λ."""
     return 1 / (osc.period * max(1.0, 2 * osc.damping_ratio))
 
 
-def _short_steps(osc):
+def _short_steps(osc: Oscillator) -> float:
     """How many short steps the table would take; may be infinite."""
     return float(np.sum(np.maximum(1.0, np.ceil(np.diff(osc.te.knots) / _longest(osc)))))
 
 
-def _is_long(osc):
+def _is_long(osc: Oscillator) -> bool:
     """Whether the free motion is kept apart: else steps would be many, or digits lost."""
     cancelled = osc.damping_ratio * osc.mesh_frequency_ratio if osc.damping_ratio >= APART else 0.0
     return (cancelled > _MOST_CANCELLED
             or _short_steps(osc) > max(_MOST_STEPS, 2 * len(osc.te.coefficients)))
 
 
-def _steps(osc):
+def _steps(osc: Oscillator) -> tuple[NDArray[Any], NDArray[Any]]:
     """Step ends (phase) and g on each step in powers of t."""
     te = osc.te
     longest = _longest(osc)
@@ -272,15 +275,16 @@ def _steps(osc):
     return np.append(np.concatenate(edges), 1.0), osc.flank_scale * np.vstack(forcing)
 
 
-def _refuse_resonance(damping_ratio, period):
-    turns = period / (2 * math.pi)
-    distance = abs(turns - round(turns)) / turns
-    if damping_ratio <= _RESONANCE and round(turns) and distance <= _RESONANCE:
+def _refuse_resonance(damping_ratio: float, period: float) -> None:
+    turns: float = period / (2 * math.pi)
+    whole = round(float(turns))
+    distance = abs(turns - whole) / turns
+    if damping_ratio <= _RESONANCE and whole and distance <= _RESONANCE:
         raise ValueError(f"no periodic engaged response: undamped resonance, the mesh period is "
-                         f"{round(turns)} natural period(s)")
+                         f"{whole} natural period(s)")
 
 
-def response_amplification(osc):
+def response_amplification(osc: Oscillator) -> float:
     """How many times its cause the engaged response to the transmission error can be.
 
     Of a harmonic of rate r: r²/|1 - r² + 2iξr|, the largest of them; of a table: 1/|1 - exp(λP)|,

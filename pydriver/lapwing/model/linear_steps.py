@@ -7,9 +7,12 @@ of t; on one that is long against the oscillator's own times a free motion stand
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import polynomial as power
+from numpy.typing import NDArray
 
 from lapwing.model.transmission_error.extrema import stationary_points
 
@@ -17,7 +20,8 @@ from lapwing.model.transmission_error.extrema import stationary_points
 TERMS = 21
 
 
-def series(damping_ratio, width, start, slope, forcing):
+def series(damping_ratio: float, width: NDArray[Any], start: NDArray[Any], slope: NDArray[Any],
+           forcing: NDArray[Any]) -> NDArray[Any]:
     """Coefficients of the solution in powers of t for all steps at once.
 
     Parameters
@@ -41,7 +45,7 @@ def series(damping_ratio, width, start, slope, forcing):
     return terms
 
 
-def expanded(coefficients, start, width):
+def expanded(coefficients: NDArray[Any], start: NDArray[Any], width: NDArray[Any]) -> NDArray[Any]:
     """Polynomials in u, t = start + width·u, from ascending powers of t.
 
     Parameters
@@ -58,13 +62,13 @@ def expanded(coefficients, start, width):
     return np.stack(taylor, axis=1) * np.asarray(width)[:, None] ** np.arange(len(coefficients))
 
 
-def rates(damping_ratio):
+def rates(damping_ratio: float) -> tuple[float, float]:
     """Decay rates of a damped free motion without oscillation: the slow and the fast λ, ξ >= 1."""
     root = math.sqrt(damping_ratio - 1) * math.sqrt(damping_ratio + 1)
     return -1 / (damping_ratio + root), -(damping_ratio + root)
 
 
-def unit_motions(damping_ratio, time):
+def unit_motions(damping_ratio: float, time: NDArray[Any]) -> NDArray[Any]:
     """Free motions (x, x') at `time` (τ) from x = 1, x' = 0 and from x = 0, x' = 1; any ξ.
 
     Returns
@@ -90,7 +94,7 @@ def unit_motions(damping_ratio, time):
     return np.array([[value, speed], [-speed, slope]])
 
 
-def periodic_states(maps, shifts, jumps):
+def periodic_states(maps: NDArray[Any], shifts: NDArray[Any], jumps: NDArray[Any]) -> NDArray[Any]:
     """(φ, φ') at the start of each step, right of a kink; φ' drops there by the jump of g'.
 
     Parameters
@@ -103,7 +107,7 @@ def periodic_states(maps, shifts, jumps):
     -------
     (n, 2) array
     """
-    def run(state):
+    def run(state: NDArray[Any]) -> Iterator[NDArray[Any]]:
         for matrix, shift, drop in zip(maps, shifts, np.roll(jumps, -1), strict=True):
             yield state
             state = matrix @ state + shift - (0.0, drop)
@@ -114,19 +118,20 @@ def periodic_states(maps, shifts, jumps):
     return np.array([*run(np.linalg.solve(np.eye(2) - linear, zero))][:-1])
 
 
-def lower_bounds(coefficients):
+def lower_bounds(coefficients: NDArray[Any]) -> NDArray[Any]:
     """What each polynomial is not below on [0, 1]: φ >= (φ(0) + φ(1) - max|dφ/dt|)/2."""
     steepest = np.abs(coefficients) @ np.arange(coefficients.shape[1])
-    return (coefficients[:, 0] + coefficients.sum(axis=1) - steepest) / 2
+    bounds: NDArray[Any] = (coefficients[:, 0] + coefficients.sum(axis=1) - steepest) / 2
+    return bounds
 
 
-def least_value(edges, coefficients):
+def least_value(edges: NDArray[Any], coefficients: NDArray[Any]) -> tuple[float, float]:
     """Least value over a mesh period, and its phase in [0, 1); arguments as of `lowest_point`."""
     least, phase = lowest_point(edges, coefficients)
     return least, phase % 1.0
 
 
-def lowest_point(edges, coefficients):
+def lowest_point(edges: NDArray[Any], coefficients: NDArray[Any]) -> tuple[float, float]:
     """Least value over all steps, and where it is.
 
     Only steps whose bound is below the least end value are searched, by the roots of the

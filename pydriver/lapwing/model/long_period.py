@@ -22,9 +22,12 @@ b - (g' + λ2·g)/D does.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.polynomial import polynomial as power
+from numpy.typing import NDArray
 
 from lapwing.model.linear_steps import (
     TERMS,
@@ -38,6 +41,9 @@ from lapwing.model.linear_steps import (
 )
 from lapwing.model.transmission_error.extrema import stationary_points
 
+if TYPE_CHECKING:
+    from lapwing.model.oscillator import Oscillator
+
 # Of a decay, in its own times: beyond so many a particular polynomial is well conditioned.
 _LONG = 8.0
 # ... and of an exponential nothing is left, e^-40 = 4e-18.
@@ -48,7 +54,7 @@ APART = 2.0
 _FOLLOWED = 256.0
 
 
-def long_response(osc):
+def long_response(osc: Oscillator) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Step ends, polynomials and free motions of the periodic response to a table.
 
     Parameters
@@ -84,7 +90,7 @@ def long_response(osc):
     return edges, coefficients, free
 
 
-def _cut(osc, count):
+def _cut(osc: Oscillator, count: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Step ends, and g on each step in powers of t, of pieces cut into `count` steps each."""
     te = osc.te
     edges, forcing = [], []
@@ -95,13 +101,14 @@ def _cut(osc, count):
     return np.append(np.concatenate(edges), 1.0), osc.flank_scale * np.vstack(forcing)
 
 
-def _acceleration(forcing, length):
+def _acceleration(forcing: NDArray[Any], length: NDArray[Any]) -> NDArray[Any]:
     """g'' in powers of t, (n, 4)."""
     k = np.arange(4)
-    return forcing[:, 2:] * (k + 1) * (k + 2) / length[:, None] ** 2
+    second: NDArray[Any] = forcing[:, 2:] * (k + 1) * (k + 2) / length[:, None] ** 2
+    return second
 
 
-def _particular(xi, forcing, length):
+def _particular(xi: float, forcing: NDArray[Any], length: NDArray[Any]) -> NDArray[Any]:
     """Polynomials of degree 3 that solve the equation exactly, (n, 21)."""
     terms = np.zeros((length.size, TERMS))
     acceleration = _acceleration(forcing, length)
@@ -111,7 +118,8 @@ def _particular(xi, forcing, length):
     return terms
 
 
-def _whole(xi, length, forcing, jumps, is_long):
+def _whole(xi: float, length: NDArray[Any], forcing: NDArray[Any], jumps: NDArray[Any],
+           is_long: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Polynomials and free motions where both free exponents are about as fast, ξ < 2."""
     short = ~is_long
     zero, one = np.zeros_like(length), np.ones_like(length)
@@ -132,7 +140,9 @@ def _whole(xi, length, forcing, jumps, is_long):
     return coefficients, np.where(is_long[:, None], states - begun.T, 0.0)
 
 
-def _apart(exponents, period, length, forcing, jumps, slow_long, fast_long):
+def _apart(exponents: tuple[float, float], period: float, length: NDArray[Any],
+           forcing: NDArray[Any], jumps: NDArray[Any], slow_long: NDArray[Any],
+           fast_long: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """The same from the two decays by themselves, ξ >= 2."""
     slow, fast = exponents
     apart = slow - fast
@@ -156,7 +166,8 @@ def _apart(exponents, period, length, forcing, jumps, slow_long, fast_long):
     return coefficients, free
 
 
-def _relaxed(rate, length, push, kicks, is_long):
+def _relaxed(rate: float, length: NDArray[Any], push: NDArray[Any], kicks: NDArray[Any],
+             is_long: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Periodic y' = rate·y + push that gains `kicks` at the starts of steps, rate < 0.
 
     Returns polynomials (n, 21) and the amplitudes (n,) of e^(rate·s) beside them; the latter are
@@ -174,7 +185,7 @@ def _relaxed(rate, length, push, kicks, is_long):
     decay = np.exp(rate * length)
     gains = (terms.sum(axis=1) - decay * terms[:, 0]).tolist()
 
-    def run(value):
+    def run(value: float) -> Iterator[float]:
         for factor, gain, kick in zip(decay.tolist(), gains, kicks.tolist(), strict=True):
             value += kick
             yield value
@@ -187,16 +198,18 @@ def _relaxed(rate, length, push, kicks, is_long):
     return terms, np.where(is_long, amplitude, 0.0)
 
 
-def _exponential(exponent):
+def _exponential(exponent: NDArray[Any]) -> NDArray[Any]:
     """e^(exponent·t) in powers of t, (n, 21)."""
     factorial = np.array([math.factorial(k) for k in range(TERMS)], dtype=float)
-    return exponent[:, None] ** np.arange(TERMS) / factorial
+    powers: NDArray[Any] = exponent[:, None] ** np.arange(TERMS) / factorial
+    return powers
 
 
 # --- the least value --------------------------------------------------------------------------
 
 
-def least_of_long(xi, period, edges, coefficients, free):
+def least_of_long(xi: float, period: float, edges: NDArray[Any], coefficients: NDArray[Any],
+                  free: NDArray[Any]) -> tuple[float, float]:
     """Least value over all steps, and its phase (mesh periods); arrays as of `long_response`."""
     length = np.diff(edges)
     ends = coefficients[:, 0] + free[:, 0]
@@ -214,7 +227,8 @@ def least_of_long(xi, period, edges, coefficients, free):
     return least, phase
 
 
-def _least_of_step(xi, width, coefficients, free, known):
+def _least_of_step(xi: float, width: float, coefficients: NDArray[Any], free: NDArray[Any],
+                   known: float) -> tuple[float, float]:
     """Least value of one step, as far as it is below `known`, and t where it is."""
     if not free.any():
         return lowest_point(np.array([0.0, 1.0]), coefficients[None])
@@ -232,7 +246,8 @@ def _least_of_step(xi, width, coefficients, free, known):
     return _least_of_many_turns(xi, width, coefficients, free, known)
 
 
-def _least_of_many_turns(xi, width, coefficients, free, known):
+def _least_of_many_turns(xi: float, width: float, coefficients: NDArray[Any], free: NDArray[Any],
+                         known: float) -> tuple[float, float]:
     """Least value of a step with very many oscillations.
 
     They touch their lower envelope E = p - A·e^(-ξs) once a turn.  Where E does not turn around
@@ -243,9 +258,9 @@ def _least_of_many_turns(xi, width, coefficients, free, known):
     turn = 2 * math.pi / omega
     amplitude = math.hypot(free[0], (free[1] + xi * free[0]) / omega)
     best, where = known, 0.0
-    windows = [(0.0, turn), (width - turn, width)]
-    for value, at in _envelope_minima(xi, width, coefficients, amplitude):
-        windows.append((max(0.0, at - turn), min(width, at + turn), value))
+    windows: list[tuple[float, ...]] = [(0.0, turn), (width - turn, width)]
+    for lowest, at in _envelope_minima(xi, width, coefficients, amplitude):
+        windows.append((max(0.0, at - turn), min(width, at + turn), lowest))
     for start, stop, *value in windows:
         if value and value[0] >= best:
             break
@@ -258,7 +273,8 @@ def _least_of_many_turns(xi, width, coefficients, free, known):
     return best, where
 
 
-def _envelope_minima(xi, width, coefficients, amplitude):
+def _envelope_minima(xi: float, width: float, coefficients: NDArray[Any],
+                     amplitude: float) -> list[tuple[float, float]]:
     """(E, s) of the points among which the minima of the envelope are, lowest first."""
     gone = min(width, _GONE / xi) if xi > 0 else width
     ends = np.unique(np.append(np.linspace(0.0, gone, math.ceil(xi * gone) + 1), width))
@@ -267,14 +283,15 @@ def _envelope_minima(xi, width, coefficients, amplitude):
     alive = ends[:-1] < gone
     lower[alive] -= amplitude * np.exp(-xi * ends[:-1][alive])[:, None] * _exponential(
         -xi * steps[alive])
-    found = []
+    found: list[tuple[float, float]] = []
     for start, length, polynomial in zip(ends[:-1], steps, lower, strict=True):
         points = stationary_points(polynomial)
         found += zip(power.polyval(points, polynomial), start + points * length, strict=True)
     return sorted(found)
 
 
-def _search(xi, width, coefficients, free, ends):
+def _search(xi: float, width: float, coefficients: NDArray[Any], free: NDArray[Any],
+            ends: NDArray[Any]) -> tuple[float, float]:
     """Least value between `ends` (τ from the step's start) and t where it is."""
     steps, at = np.diff(ends), ends[:-1]
     terms = expanded(coefficients, at / width, steps / width)

@@ -6,7 +6,12 @@ Separation is θ'' = F; engagement θ'' = F - 2ξφ' - φ with φ = θ - g.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
+from enum import IntEnum
+from typing import Any
+
+from numpy.typing import NDArray
 
 from lapwing.base import arguments
 from lapwing.base.arguments import MOST, Refusals
@@ -20,7 +25,7 @@ TE_SIGNS = {"printed": 1.0, "geometric": -1.0}
 class ParameterError(ValueError):
     """Every refused parameter of one object at once; `problems` holds one sentence each."""
 
-    def __init__(self, what, problems):
+    def __init__(self, what: str, problems: Sequence[str]) -> None:
         self.problems = tuple(problems)
         super().__init__(f"{what}: " + "; ".join(self.problems))
 
@@ -38,7 +43,7 @@ class Scales:
     natural_frequency: float
     force_per_torque: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         problems = number_problems(self, positive=("natural_frequency", "force_per_torque"))
         if problems:
             raise ParameterError("scales", problems)
@@ -77,19 +82,27 @@ class MeanRotation:
     pinion_share: float
     pinion_rate: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         problems = number_problems(self, finite=("acceleration",), positive=("pinion_rate",),
                                    unit_interval=("pinion_share",))
         if problems:
             raise ParameterError("mean rotation", problems)
 
-    def shafts(self, gear_ratio, relative, mean):
-        """θ1 and θ2, or their rates, from θ and Θ, or theirs."""
+    def shafts(self, gear_ratio: float, relative: Any, mean: Any) -> tuple[Any, Any]:
+        """θ1 and θ2, or their rates, from θ and Θ, or theirs; numbers or arrays of one shape."""
         gear = mean - (1 - self.pinion_share) / gear_ratio * relative
         return relative + gear_ratio * gear, gear
 
-    def mean_speed(self, osc, rate):
-        """Mean speed of the pinion, rad/s, at a rate Θ' (rad per τ)."""
+    def mean_speed(self, osc: Oscillator, rate: NDArray[Any]) -> NDArray[Any]:
+        """Mean speed of the pinion, rad/s, at a rate Θ' (rad per τ).
+
+        Raises
+        ------
+        ValueError
+            for an oscillator that was made without a gear pair.
+        """
+        if osc.scales is None:
+            raise ValueError("this oscillator has no scales: its units are not known")
         return (self.pinion_rate + osc.gear_ratio * rate) * osc.scales.natural_frequency
 
 
@@ -137,7 +150,7 @@ class Oscillator:
     mean_rotation: MeanRotation | None = None
     load: Load | None = field(default=None, compare=False, repr=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         problems = number_problems(
             self, finite=("force",), positive=("mesh_frequency_ratio", "gear_ratio", "backlash"),
             not_negative=("damping_ratio",), unit_interval=("restitution",))
@@ -161,7 +174,7 @@ class Oscillator:
         return {f.name: getattr(self, f.name) for f in fields(self)
                 if f.repr and f.name != "te" and getattr(self, f.name) != f.default}
 
-    def _choice_problems(self):
+    def _choice_problems(self) -> list[str]:
         choices = {"contact_law": names(ContactLaw), "impact_law": names(ImpactLaw),
                    "gap": names(Gap), "te_sign": tuple(TE_SIGNS)}
         taken = Refusals()
@@ -189,14 +202,14 @@ class Oscillator:
                                   f"not {self.contact_law!r}")
         return taken.problems
 
-    def _flank_problems(self):
+    def _flank_problems(self) -> list[str]:
         if self.back_flank_te or self.gap_width + self.flank_extrema[0] > 0:
             return []
         return [f"back_flank_te is off and the drive flank reaches {self.flank_extrema[0]:.6g} rad"
                 f", at or beyond the standing coast flank at {-self.gap_width:.6g} rad"]
 
     @property
-    def brake_torque(self):
+    def brake_torque(self) -> float | None:
         """Brake torque on the gear, N·m: as given, or for `force` at the balance.
 
         None where neither is known: the oscillator was made without a gear pair.
@@ -206,32 +219,33 @@ class Oscillator:
         return None if self.scales is None else self.force / self.scales.force_per_torque
 
     @property
-    def degrees_of_freedom(self):
+    def degrees_of_freedom(self) -> int:
         """2 with a mean rotation, else 1."""
         return 1 if self.mean_rotation is None else 2
 
     @property
-    def period(self):
+    def period(self) -> float:
         """Mesh period P = 2π/Ω in τ."""
         return 2 * math.pi / self.mesh_frequency_ratio
 
     @property
-    def flank_scale(self):
+    def flank_scale(self) -> float:
         """±i12, so that g = flank_scale·Δφ."""
         return TE_SIGNS[self.te_sign] * self.gear_ratio
 
     @property
-    def flank_extrema(self):
+    def flank_extrema(self) -> tuple[float, float]:
         """Least and greatest g, rad."""
-        return tuple(sorted(self.flank_scale * value for value in self.te.extrema))
+        low, high = sorted(self.flank_scale * value for value in self.te.extrema)
+        return low, high
 
     @property
-    def gap_width(self):
+    def gap_width(self) -> float:
         """Distance between the flanks, rad: θ0, 2θ0 (symmetric) or infinite (one_flank)."""
         return {"one_sided": self.backlash, "symmetric": 2 * self.backlash}.get(self.gap, math.inf)
 
     @property
-    def angle_scale(self):
+    def angle_scale(self) -> float:
         """The angle tolerances refer to, rad: min(θ0, max(|F|, peak-to-peak g)).
 
         With neither force nor transmission error nothing but θ0 is left.
@@ -239,25 +253,28 @@ class Oscillator:
         motion = max(abs(self.force), self.gear_ratio * self.te.peak_to_peak)
         return min(self.backlash, motion) if motion > 0 else self.backlash
 
-    def with_force(self, force):
+    def with_force(self, force: float) -> Oscillator:
         """The same oscillator under another mean force F (rad); ParameterError as `Oscillator`."""
         return replace(self, force=force)
 
 
-def names(codes):
+def names(codes: type[IntEnum]) -> tuple[str, ...]:
     """Lower-case names of an IntEnum, as decks and keywords spell them."""
     return tuple(code.name.lower() for code in codes)
 
 
-def number_problems(owner, *, finite=(), positive=(), not_negative=(), unit_interval=()):
+def number_problems(owner: Any, *, finite: Sequence[str] = (), positive: Sequence[str] = (),
+                    not_negative: Sequence[str] = (),
+                    unit_interval: Sequence[str] = ()) -> list[str]:
     """One sentence for each named attribute of `owner` that is not a number of its kind.
 
     The others become plain floats, also in a frozen dataclass.
     """
     taken = Refusals()
-    kinds = ((finite, arguments.real, {}), (positive, arguments.positive, {}),
-             (not_negative, arguments.not_negative, {}),
-             (unit_interval, arguments.real, {"low": 0.0, "high": 1.0}))
+    kinds: tuple[tuple[Sequence[str], Callable[..., float], dict[str, float]], ...] = (
+        (finite, arguments.real, {}), (positive, arguments.positive, {}),
+        (not_negative, arguments.not_negative, {}),
+        (unit_interval, arguments.real, {"low": 0.0, "high": 1.0}))
     for keys, converter, limits in kinds:
         for key in keys:
             number = taken.take(converter, key, getattr(owner, key), **limits)

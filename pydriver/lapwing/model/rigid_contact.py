@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base import arguments
 from lapwing.model.linear_response import flank_harmonics, series_steps
@@ -32,7 +33,7 @@ class LiftOff(NamedTuple):
     reason: str = ""
 
 
-def lift_off_force(osc):
+def lift_off_force(osc: Oscillator) -> LiftOff:
     """Smallest mean force F at which a rigid tooth that rests on the drive flank stays there.
 
     It rests while the flank presses it, F > g'' (docs/model.md, `contact_law` 'rigid').  At a kink
@@ -57,7 +58,7 @@ def lift_off_force(osc):
     return LiftOff(-least, phase)
 
 
-def _minus_acceleration(osc):
+def _minus_acceleration(osc: Oscillator) -> tuple[NDArray[Any], NDArray[Any]]:
     """Step ends and -g'' (rad per τ²) on each step: of the harmonics, else of the table."""
     if len(osc.te.harmonics):
         order, amplitude = flank_harmonics(osc)

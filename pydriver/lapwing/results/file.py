@@ -370,8 +370,7 @@ def read_results(path, check=True):
 def stored_studies(results):
     """The studies of an open result file as they were given to `write_results`.
 
-    To be written again: unlike what `Results` hands out they are not decoded, whole numbers stay
-    whole.
+    To be written again: unlike what `Results` hands out, whole numbers stay whole.
 
     Returns
     -------
@@ -383,7 +382,7 @@ def stored_studies(results):
     for kind, names in results.studies.items():
         for name in names:
             with xr.open_dataset(results.path, group=f"{kind}_{name}", engine="netcdf4",
-                                 decode_cf=False, mask_and_scale=False) as data:
+                                 decode_times=False, mask_and_scale=False) as data:
                 data = data.load()
             for variable in data.variables.values():
                 variable.attrs.pop("_FillValue", None)

@@ -113,13 +113,13 @@ def test_history_and_events_are_those_of_simulate():
     np.testing.assert_array_equal(data["cycle_counted_impacts"], first["counted_impacts"])
     inside = (whole.events["cycle"] >= 6) & (whole.events["cycle"] < 12)
     np.testing.assert_array_equal(data["event_phase"], whole.events["phase"][inside])
-    taus = (6 + data["cycle"].values + data["phase"].values - 0.25) * osc.period
+    taus = (6 + data["sample_cycle"].values + data["phase"].values - 0.25) * osc.period
     history = whole.history(taus)
     # The times differ by rounding, a few ulp of 12 periods.
     speed = np.abs(data["phi_dot"]).max().item()
     slack = 4 * 12 * osc.period * np.finfo(float).eps * speed
     assert np.abs(history["phi"].values - data["phi"].values).max() < slack
-    np.testing.assert_allclose(data["time"], (data["cycle"] + data["phase"]) * 0.01, rtol=1e-14)
+    np.testing.assert_allclose(data["time"], (data["sample_cycle"] + data["phase"]) * 0.01, rtol=1e-14)
     np.testing.assert_array_equal(
         data["dynamic_te"], data["phi"] + osc.flank_scale * osc.te.value(data["phase"].values))
 

@@ -7,9 +7,12 @@ and the rest is smooth.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from lapwing.base.arguments import LEAST
 from lapwing.model.harmonic_series import harmonic_derivative, harmonic_pieces
@@ -21,26 +24,28 @@ _DISTINCT = 1e-5
 LEAST_FREEDOM = 3
 
 
-def kink_shape(phase):
+def kink_shape(phase: NDArray[Any]) -> NDArray[Any]:
     """Periodic parabola whose slope jumps by +1 at phase 0; mean 0, rad for a jump in rad."""
     t = np.mod(phase, 1.0)
-    return -(t * t - t + 1 / 6) / 2
+    shape: NDArray[Any] = -(t * t - t + 1 / 6) / 2
+    return shape
 
 
-def design(phase, kinks, order):
+def design(phase: ArrayLike, kinks: Iterable[float], order: int) -> NDArray[Any]:
     """Columns of the fit at `phase`: constant, a parabola for each kink, cos and sin of each order.
 
     Returns
     -------
     (n, 1 + len(kinks) + 2·order) array
     """
-    phase = np.asarray(phase, dtype=float)
-    angle = 2 * np.pi * np.multiply.outer(phase, np.arange(1, order + 1))
-    waves = np.stack([np.cos(angle), np.sin(angle)], axis=-1).reshape(phase.size, -1)
-    return np.column_stack([np.ones(phase.size), *(kink_shape(phase - at) for at in kinks), waves])
+    places = np.asarray(phase, dtype=float)
+    angle = 2 * np.pi * np.multiply.outer(places, np.arange(1, order + 1))
+    waves = np.stack([np.cos(angle), np.sin(angle)], axis=-1).reshape(places.size, -1)
+    return np.column_stack([np.ones(places.size), *(kink_shape(places - at) for at in kinks),
+                            waves])
 
 
-def fit_problem(phase, kinks, order):
+def fit_problem(phase: NDArray[Any], kinks: NDArray[Any], order: int) -> str | None:
     """Why `order` harmonics cannot be fitted to samples at `phase`, or None."""
     unknown, many = 1 + len(kinks) + 2 * order, len(kinks)
     what = f"harmonics to order {order}" + f" and {many} kink{'s' * (many != 1)}" * bool(many)
@@ -78,12 +83,13 @@ class LeastSquares:
     gcv: float
 
     @property
-    def noise(self):
+    def noise(self) -> float:
         """Standard deviation of a sample, rad, from the residuals."""
         return float(np.sqrt(self.residual @ self.residual / self.freedom))
 
     @classmethod
-    def of(cls, phase, value, kinks, order):
+    def of(cls, phase: NDArray[Any], value: NDArray[Any], kinks: NDArray[Any],
+           order: int) -> LeastSquares:
         """The fit; ValueError where the samples do not determine it."""
         problem = fit_problem(phase, kinks, order)
         if problem:
@@ -100,7 +106,8 @@ class LeastSquares:
                    phase.size * float(residual @ residual) / freedom**2)
 
 
-def curve_of(coefficients, kinks, order, te_sign_hint="printed"):
+def curve_of(coefficients: NDArray[Any], kinks: ArrayLike, order: int,
+             te_sign_hint: str = "printed") -> TransmissionError:
     """The `TransmissionError` of coefficients as `design` orders them.
 
     Without kinks it keeps its harmonics; else it is a table of quintic pieces, as good as that of
@@ -119,7 +126,8 @@ def curve_of(coefficients, kinks, order, te_sign_hint="printed"):
     return _kinked(np.column_stack([orders, amplitude, shift]), kinks, jumps, te_sign_hint)
 
 
-def _kinked(series, kinks, jumps, te_sign_hint):
+def _kinked(series: NDArray[Any], kinks: NDArray[Any], jumps: NDArray[Any],
+            te_sign_hint: str) -> TransmissionError:
     """Table of a series and of a parabola for each kink."""
     from scipy.interpolate import BPoly, PPoly
 

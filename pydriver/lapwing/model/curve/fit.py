@@ -12,13 +12,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from lapwing.base import arguments
 from lapwing.model.curve.basis import LeastSquares, curve_of, design
 from lapwing.model.curve.spline import smoothed
 from lapwing.model.transmission_error.table import MOST_ORDER
+
+if TYPE_CHECKING:
+    from lapwing.model.transmission_error.table import TransmissionError
 
 # Every random number follows from this and from the number asked for.
 _SEED = 20_170
@@ -56,27 +61,29 @@ class CurveFit:
     te_sign_hint: str = "printed"
 
     @property
-    def residual(self):
+    def residual(self) -> NDArray[Any]:
         """Samples minus curve, (n,) rad."""
-        return self.value - design(self.phase, self.kinks, self.order) @ self.coefficients
+        rest: NDArray[Any] = self.value - design(self.phase, self.kinks, self.order) \
+            @ self.coefficients
+        return rest
 
     @cached_property
-    def te(self):
+    def te(self) -> TransmissionError:
         """The curve as a `TransmissionError`."""
         return curve_of(self.coefficients, self.kinks, self.order, self.te_sign_hint)
 
     @cached_property
-    def te_wide(self):
+    def te_wide(self) -> TransmissionError:
         """The curve that intervals rest on."""
         return curve_of(self.wide.coefficients, self.kinks, self.wide.order, self.te_sign_hint)
 
-    def without_orders_above(self, order):
+    def without_orders_above(self, order: int) -> TransmissionError:
         """The curve without its orders above one, kinks kept."""
         last = 1 + self.kinks.size + 2 * min(order, self.order)
         return curve_of(self.coefficients[:last], self.kinks, min(order, self.order),
                         self.te_sign_hint)
 
-    def deviations(self, count):
+    def deviations(self, count: int) -> tuple[NDArray[Any], NDArray[Any]]:
         """What noise does to the coefficients of `wide`: bootstrap of its residuals.
 
         1. Draw noise for each sample: from the residuals, each divided by √(1 - leverage), or
@@ -107,7 +114,7 @@ class CurveFit:
             else np.ones(count)
         return np.hstack(found), spread
 
-    def repeats(self, count):
+    def repeats(self, count: int) -> list[TransmissionError]:
         """`count` curves as other samples with the same noise might give them, `te` in the middle.
 
         Returns
@@ -120,7 +127,7 @@ class CurveFit:
         return [curve_of(middle + _widened(one, order, self.kinks.size), self.kinks, order,
                          self.te_sign_hint) for one in deviations.T]
 
-    def residual_excess(self):
+    def residual_excess(self) -> float:
         """Probability of residuals as far from the stated noise level as these; 1 if none is."""
         from scipy.stats import chi2
 
@@ -131,7 +138,9 @@ class CurveFit:
                              chi2.sf(square, self.wide.freedom)))
 
 
-def fit_curve(phase, value, kinks=(), *, harmonics=None, noise_level=None, te_sign_hint="printed"):
+def fit_curve(phase: NDArray[Any], value: NDArray[Any], kinks: ArrayLike = (), *,
+              harmonics: int | None = None, noise_level: float | None = None,
+              te_sign_hint: str = "printed") -> CurveFit:
     """Fit a curve to samples with noise.
 
     Parameters
@@ -176,6 +185,6 @@ def fit_curve(phase, value, kinks=(), *, harmonics=None, noise_level=None, te_si
                     noise_level is not None, effective, te_sign_hint)
 
 
-def _widened(coefficients, order, kinks):
+def _widened(coefficients: NDArray[Any], order: int, kinks: int) -> NDArray[Any]:
     """Coefficients with zeros for the orders up to one that they lack."""
     return np.append(coefficients, np.zeros(1 + kinks + 2 * order - coefficients.size))

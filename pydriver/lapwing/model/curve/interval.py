@@ -13,13 +13,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.model.curve.basis import LeastSquares, curve_of, fit_problem
 from lapwing.model.linear_response import critical_force, engaged_response
 from lapwing.model.rigid_contact import lift_off_force
+
+if TYPE_CHECKING:
+    from lapwing.model.curve.fit import CurveFit
+    from lapwing.model.linear_response import CriticalForce
+    from lapwing.model.oscillator import Oscillator
+    from lapwing.model.rigid_contact import LiftOff
 
 CONFIDENCE = 0.95
 DRAWS = 999
@@ -42,7 +49,8 @@ class ForceBounds(NamedTuple):
     phase: float
 
 
-def force_bounds(osc, fit, confidence=CONFIDENCE, draws=DRAWS):
+def force_bounds(osc: Oscillator, fit: CurveFit, confidence: float = CONFIDENCE,
+                 draws: int = DRAWS) -> ForceBounds:
     """Critical force of a fitted curve and the interval that the samples' noise leaves.
 
     1. Responses to each coefficient of the unsmoothed fit, at phases close to each other.
@@ -78,7 +86,8 @@ def force_bounds(osc, fit, confidence=CONFIDENCE, draws=DRAWS):
     return ForceBounds(max(min(low, force), 0.0), force, max(high, force), phase)
 
 
-def _bounds(fit, responses, confidence, draws, exact=None):
+def _bounds(fit: CurveFit, responses: NDArray[Any], confidence: float, draws: int,
+            exact: float | None = None) -> tuple[float, float, float]:
     """Bounds of the largest value at the phases of `responses`, and that value.
 
     `exact` is the largest value of all phases, where it is known.
@@ -95,7 +104,8 @@ def _bounds(fit, responses, confidence, draws, exact=None):
     return low, float(middle.max()), high
 
 
-def largest_value_bounds(middle, error, deviations, confidence, samples, freedom):
+def largest_value_bounds(middle: NDArray[Any], error: NDArray[Any], deviations: NDArray[Any],
+                         confidence: float, samples: int, freedom: float) -> tuple[float, float]:
     """Bounds for the largest value of a function known with errors.
 
     Parameters
@@ -123,12 +133,12 @@ def largest_value_bounds(middle, error, deviations, confidence, samples, freedom
     return float(np.max((middle - together * error)[possible])), high
 
 
-def needed_force(osc):
+def needed_force(osc: Oscillator) -> CriticalForce | LiftOff:
     """Critical force and phase: complete engagement, or of rigid teeth staying on the flank."""
     return lift_off_force(osc) if osc.contact_law == "rigid" else critical_force(osc)
 
 
-def _responses(osc, kinks, order):
+def _responses(osc: Oscillator, kinks: NDArray[Any], order: int) -> NDArray[Any]:
     """Response to each coefficient of a fit at all phases, (n, p); contact needs F > -minimum."""
     ratio = osc.mesh_frequency_ratio
     turns = max(order, min(1 / ratio, _MOST_PHASES) if len(kinks) else 1)
@@ -145,14 +155,14 @@ def _responses(osc, kinks, order):
         _kink_response(osc, at, phase) for at in kinks), waves])
 
 
-def _kink_response(osc, at, phase):
+def _kink_response(osc: Oscillator, at: float, phase: NDArray[Any]) -> NDArray[Any]:
     """Response to a parabola whose slope jumps by 1 rad per mesh period at a phase."""
     unit = curve_of(np.array([0.0, 1.0]), [at], 0)
     response = engaged_response(replace(osc, te=unit))
     return response.penetration(phase) - osc.force
 
 
-def forces_by_order(osc, fit):
+def forces_by_order(osc: Oscillator, fit: CurveFit) -> dict[str, NDArray[Any]]:
     """Critical force against the highest order of an unsmoothed fit of the same samples.
 
     The force is the largest value at phases so close that 0.05 % of its highest order is missed.
@@ -178,7 +188,7 @@ def forces_by_order(osc, fit):
     return dict(zip(names, map(np.array, zip(*rows, strict=True)), strict=True))
 
 
-def share_of_high_orders(osc, fit):
+def share_of_high_orders(osc: Oscillator, fit: CurveFit) -> tuple[float, int]:
     """How much of the critical force rests on the upper third of a curve's orders.
 
     Returns
@@ -197,7 +207,7 @@ def share_of_high_orders(osc, fit):
     return abs(force - without) / abs(force), above
 
 
-def repeat_interval(estimate, repeats):
+def repeat_interval(estimate: float, repeats: NDArray[Any]) -> tuple[float, float]:
     """Interval of a number found again on other curves, `CurveFit.repeats`.
 
     The 95 % range of what was found, joined with the same range turned round the estimate: noise

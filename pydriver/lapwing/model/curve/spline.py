@@ -14,8 +14,11 @@ jumps of slope, which are not smoothed, are found by Speckman's estimator (J. R.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.model.curve.basis import LEAST_FREEDOM, LeastSquares, design, fit_problem
 
@@ -29,7 +32,8 @@ _WIDE_PASSED = 0.1
 _MOST_ORDERS = 60
 
 
-def smoothed(phase, value, kinks, noise_level):
+def smoothed(phase: NDArray[Any], value: NDArray[Any], kinks: NDArray[Any],
+             noise_level: float | None) -> tuple[NDArray[Any], int, LeastSquares, float]:
     """Coefficients and highest order of the smoothing spline, its wide fit, its freedom."""
     order = _orders(phase, kinks)
     spline = _Spline(phase, value, kinks, order)
@@ -48,7 +52,7 @@ def smoothed(phase, value, kinks, noise_level):
             LeastSquares.of(phase, value, kinks, wide), effective)
 
 
-def _orders(phase, kinks):
+def _orders(phase: NDArray[Any], kinks: NDArray[Any]) -> int:
     """As many orders as the samples tell apart."""
     order = min(_MOST_ORDERS, (phase.size - 1 - len(kinks) - LEAST_FREEDOM) // 2)
     problem = fit_problem(phase, kinks, max(order, 1))
@@ -60,7 +64,7 @@ def _orders(phase, kinks):
     return order
 
 
-def _minimum(function, low, high):
+def _minimum(function: Callable[..., Any], low: float, high: float) -> float:
     """Place of the minimum of a function between two places."""
     from scipy.optimize import minimize_scalar
 
@@ -71,7 +75,8 @@ def _minimum(function, low, high):
 class _Spline:
     """The smoothing spline for every λ at once: in one basis it scales each column by itself."""
 
-    def __init__(self, phase, value, kinks, order):
+    def __init__(self, phase: NDArray[Any], value: NDArray[Any], kinks: NDArray[Any],
+                 order: int) -> None:
         columns = design(phase, kinks, order)
         many = len(kinks)
         smooth = np.delete(columns, np.s_[1:1 + many], axis=1)
@@ -90,7 +95,8 @@ class _Spline:
         self._value_rest = value - basis @ self._value
         self._parabolas_rest = columns[:, 1:1 + many] - basis @ self._parabolas
 
-    def _parts(self, log_penalty):
+    def _parts(self, log_penalty: float) -> tuple[
+            NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], float]:
         """Shares kept, jumps of slope by Speckman, projections left to smooth, and their trace."""
         kept = 1 / (1 + math.exp(log_penalty) * self._penalty)
         lost = 1 - kept
@@ -106,7 +112,7 @@ class _Spline:
         return (kept, jumps, self._value - self._parabolas @ jumps,
                 self._value_rest - self._parabolas_rest @ jumps, trace)
 
-    def score(self, log_penalty, noise_level):
+    def score(self, log_penalty: float, noise_level: float | None) -> float:
         """Generalised cross-validation, or the unbiased risk where the noise is known; rad²."""
         kept, _, inside, outside, trace = self._parts(log_penalty)
         square = float(((1 - kept) * inside) @ ((1 - kept) * inside) + outside @ outside)
@@ -115,7 +121,7 @@ class _Spline:
         left = self._n - _INFLATION * trace
         return self._n * square / left**2 if left > 0 else math.inf
 
-    def coefficients(self, log_penalty):
+    def coefficients(self, log_penalty: float) -> tuple[NDArray[Any], float]:
         """Coefficients in the order of `design`, and the degrees of freedom taken."""
         kept, jumps, inside, _, trace = self._parts(log_penalty)
         smooth = self._back @ (kept * inside)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import polynomial as power
@@ -38,7 +39,7 @@ def extrema_of(knots: NDArray[np.float64],
     return low, high
 
 
-def stationary_points(coefficients):
+def stationary_points(coefficients: NDArray[Any]) -> NDArray[Any]:
     """Points of [0, 1] among which a polynomial (ascending powers) takes its least and greatest.
 
     The ends and the roots of the derivative; a complex root gives its real part, which does no

@@ -5,10 +5,13 @@ from __future__ import annotations
 import csv
 import difflib
 import math
+import os
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.messages import bounded, cut
 from lapwing.base.text_file import REAL, TextFileError, decimal_number, read_text
@@ -27,6 +30,9 @@ MAX_BYTES, MAX_ROWS = 16_000_000, 100_000
 _REASON = f"one mesh period needs no more, in {MAX_ROWS} rows"
 _DECIMAL_COMMA = re.compile(r"[+-]?[0-9]+,[0-9]+(?:[ed][+-]?[0-9]+)?", re.IGNORECASE)
 
+# Line and column (field) from 1, 0 where all of it is concerned; message.
+Problem = tuple[int, int, str]
+
 
 class TransmissionErrorFileError(ValueError):
     """Everything wrong with one transmission-error file.
@@ -37,7 +43,7 @@ class TransmissionErrorFileError(ValueError):
         1-based line and column (field) numbers, 0 where the whole file or line is concerned.
     """
 
-    def __init__(self, path, problems):
+    def __init__(self, path: str | os.PathLike[str], problems: list[Problem]) -> None:
         self.path, self.problems = Path(path), tuple(sorted(problems))
         super().__init__("\n".join(
             f"{path}, line {line}" * bool(line) + f"{path}" * (not line)
@@ -45,7 +51,8 @@ class TransmissionErrorFileError(ValueError):
             for line, column, message in self.problems))
 
 
-def read_columns(path: str | Path, pinion_teeth: int | None, gear_teeth: int | None):
+def read_columns(path: str | os.PathLike[str], pinion_teeth: int | None,
+                 gear_teeth: int | None) -> tuple[dict[str, NDArray[Any]], list[Problem]]:
     """Columns (name -> array in table units, canonical order) and problems of one file.
 
     Raises
@@ -62,8 +69,9 @@ def read_columns(path: str | Path, pinion_teeth: int | None, gear_teeth: int | N
                             lambda problem, words: (*problem[:2], words))
 
 
-def _columns(text, pinion_teeth, gear_teeth):
-    problems = []
+def _columns(text: str, pinion_teeth: int | None,
+             gear_teeth: int | None) -> tuple[dict[str, NDArray[Any]], list[Problem]]:
+    problems: list[Problem] = []
     lines = _rows(text, problems)
     if not lines and problems:
         return {}, problems
@@ -83,9 +91,9 @@ def _columns(text, pinion_teeth, gear_teeth):
     return {name: np.array(named[name]) for name in _COLUMNS if name in named}, problems
 
 
-def _rows(text, problems):
+def _rows(text: str, problems: list[Problem]) -> list[tuple[int, list[str]]]:
     """(line, fields) of each row; empty rows at the end, as spreadsheets leave them, are none."""
-    rows = []
+    rows: list[tuple[int, list[str]]] = []
     for line, row in enumerate(text.split("\n"), 1):
         row = row.partition("#")[0]
         if not row.strip():
@@ -99,7 +107,7 @@ def _rows(text, problems):
     return rows
 
 
-def _fields(line, row, problems):
+def _fields(line: int, row: str, problems: list[Problem]) -> list[str]:
     """Fields of one row without the blanks and quotes around them."""
     if '"' not in row:
         return [field.strip() for field in row.split(",")]
@@ -114,7 +122,8 @@ def _fields(line, row, problems):
     return [field.strip() for field in fields]
 
 
-def _read_header(line, header, pinion_teeth, gear_teeth, problems):
+def _read_header(line: int, header: list[str], pinion_teeth: int | None, gear_teeth: int | None,
+                 problems: list[Problem]) -> list[tuple[str, float]] | None:
     """(name, factor to table units) of each column, or None where there is no header at all."""
     wrong = _no_header(header)
     if wrong:
@@ -138,7 +147,7 @@ def _read_header(line, header, pinion_teeth, gear_teeth, problems):
     return columns
 
 
-def _no_header(header):
+def _no_header(header: list[str]) -> tuple[int, str] | None:
     """(column, what is wrong) of a row that cannot be a header, else None."""
     separator = next((name for mark, name in ((";", "';'"), ("\t", "a tab"))
                       if any(mark in field for field in header)), None)
@@ -156,7 +165,7 @@ def _no_header(header):
     return None
 
 
-def _read_column(field, pinion_teeth):
+def _read_column(field: str, pinion_teeth: int | None) -> tuple[str, float]:
     """Name and factor to table units of one header field such as `slope[urad]`."""
     name, _, unit = (part.strip() for part in field.rstrip("] ").partition("["))
     if name not in _COLUMNS:
@@ -178,7 +187,8 @@ def _read_column(field, pinion_teeth):
     return name, factor
 
 
-def _read_row(line, fields, columns, problems):
+def _read_row(line: int, fields: list[str], columns: list[tuple[str, float]],
+              problems: list[Problem]) -> list[float]:
     """Numbers of one row (nan where there is none), in the file's units."""
     if len(fields) != len(columns):
         return [math.nan] * len(columns)
@@ -197,7 +207,8 @@ def _read_row(line, fields, columns, problems):
     return values
 
 
-def _check_decimal_commas(rows, problems):
+def _check_decimal_commas(rows: list[tuple[int, list[str]]],
+                          problems: list[Problem]) -> None:
     """Report decimal commas in quoted fields once: who writes one writes them all so."""
     found = [(line, column, field) for line, fields in rows
              for column, field in enumerate(fields, 1) if _DECIMAL_COMMA.fullmatch(field)]
@@ -207,9 +218,10 @@ def _check_decimal_commas(rows, problems):
                          + _and_more(len(found) - 1, "number")))
 
 
-def _check_widths(rows, width, problems):
+def _check_widths(rows: list[tuple[int, list[str]]], width: int,
+                  problems: list[Problem]) -> None:
     """Report rows with too few or too many fields; those of one width once."""
-    wrong = {}
+    wrong: dict[int, list[tuple[int, list[str]]]] = {}
     for line, fields in rows:
         if len(fields) not in (width, 0):  # 0: refused already
             wrong.setdefault(len(fields), []).append((line, fields))
@@ -221,7 +233,8 @@ def _check_widths(rows, width, problems):
         problems.append((line, 0, text + _and_more(len(lines) - 1, "row")))
 
 
-def _check_order(lines, values, columns, problems):
+def _check_order(lines: list[int], values: list[list[float]], columns: list[tuple[str, float]],
+                 problems: list[Problem]) -> None:
     """Report rows whose phase or pinion angle is out of range or does not ascend."""
     for column, (name, factor) in enumerate(columns, 1):
         if name not in ("phase", "pinion_angle"):
@@ -238,7 +251,8 @@ def _check_order(lines, values, columns, problems):
             previous = at if math.isfinite(at) else previous
 
 
-def _check_range(places, column, problems):
+def _check_range(places: list[tuple[int, float]], column: int,
+                 problems: list[Problem]) -> None:
     """Report phases outside the mesh period, once on either side of it."""
     below = [(line, at) for line, at in places if at < 0]
     above = [(line, at) for line, at in places if at >= 1 - 1e-9]
@@ -253,5 +267,5 @@ def _check_range(places, column, problems):
         problems.append((line, column, text + _and_more(len(outside) - 1, "row")))
 
 
-def _and_more(count, what):
+def _and_more(count: int, what: str) -> str:
     return f" (... and {count} more {what}{'s' * (count != 1)})" * (count > 0)

@@ -7,12 +7,15 @@ builds the table and never inferred from rounding.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+import os
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from numbers import Real
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import polynomial as power
+from numpy.typing import ArrayLike, NDArray
 
 from lapwing.base import arguments
 from lapwing.base.arguments import LEAST, MOST
@@ -55,13 +58,13 @@ class TransmissionError:
         Wrong shapes, knots out of order, pieces that do not join (value, or slope off a kink).
     """
 
-    knots: np.ndarray
-    coefficients: np.ndarray
-    kinks: np.ndarray
-    harmonics: np.ndarray = ()
+    knots: NDArray[Any]
+    coefficients: NDArray[Any]
+    kinks: NDArray[Any]
+    harmonics: NDArray[Any] = field(default_factory=lambda: np.zeros((0, 3)))
     te_sign_hint: str = "printed"
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         # Coefficients of narrow pieces are large beyond any value of the table.
         for name, ndim, largest in (("knots", 1, 1.0), ("coefficients", 2, 1e300)):
             self._store(name, arguments.reals(name, getattr(self, name), ndim=ndim,
@@ -95,14 +98,15 @@ class TransmissionError:
         return {"peak to peak": f"{self.peak_to_peak:.6g} rad", **made,
                 "pieces": len(self.kinks), "kinks": int(self.kinks.sum())}
 
-    def __reduce__(self):  # a copy from another process is checked and read-only as well
-        return type(self), tuple(getattr(self, field.name) for field in fields(self))
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A copy from another process is checked and read-only as well.
+        return type(self), tuple(getattr(self, one.name) for one in fields(self))
 
-    def _store(self, name, array):
+    def _store(self, name: str, array: NDArray[Any]) -> None:
         array.flags.writeable = False
         object.__setattr__(self, name, array)
 
-    def _check_joint(self, order, excused, what):
+    def _check_joint(self, order: int, excused: NDArray[Any], what: str) -> None:
         right = self.derivative(order, self.knots[:-1], "right")
         jump = right - self.derivative(order, self.knots[:-1], "left")
         terms = np.abs(self.coefficients) * np.diff(self.knots)[:, None] ** np.arange(6)
@@ -111,15 +115,17 @@ class TransmissionError:
         if wrong.any():
             raise ValueError(f"the {what} jumps at phase {self.knots[:-1][wrong].tolist()}")
 
-    def _locate(self, phase, side):
+    def _locate(self, phase: NDArray[Any], side: str) -> tuple[NDArray[Any], NDArray[Any]]:
         arguments.choice("side", side, ("left", "right"))
         seam, same = (0.0, 1.0) if side == "left" else (1.0, 0.0)
         phase = np.mod(phase, 1.0)
         phase = np.where(phase == seam, same, phase)
-        piece = np.searchsorted(self.knots, phase, side=side) - 1
+        piece = np.asarray(np.searchsorted(
+            self.knots, phase, side="left" if side == "left" else "right") - 1)
         return piece, phase - self.knots[piece]
 
-    def derivative(self, order, phase, side="right"):
+    def derivative(self, order: int, phase: ArrayLike,
+                   side: str = "right") -> NDArray[Any]:
         """Derivative of any order (0: the value) with respect to phase, rad per period^order.
 
         Parameters
@@ -144,34 +150,36 @@ class TransmissionError:
             return harmonic_derivative(self.harmonics, order, np.mod(phase, 1.0))
         return self.table_derivative(order, phase, side)
 
-    def table_derivative(self, order, phase, side="right"):
+    def table_derivative(self, order: int, phase: ArrayLike,
+                         side: str = "right") -> NDArray[Any]:
         """As `derivative`, from the table also where there is a harmonic series behind it."""
         order = arguments.whole("order", order, 0, MOST_DERIVATIVES)
         piece, offset = self._locate(arguments.reals("phase", phase, empty=True), side)
         if order > 5:
             return np.zeros(piece.shape)
         local = power.polyder(self.coefficients[piece], order, axis=-1)
-        return power.polyval(offset, np.moveaxis(local, -1, 0), tensor=False)
+        value: NDArray[Any] = power.polyval(offset, np.moveaxis(local, -1, 0), tensor=False)
+        return value
 
-    def value(self, phase):
+    def value(self, phase: ArrayLike) -> NDArray[Any]:
         """Transmission error (rad) at `phase` (mesh periods, any shape)."""
         return self.derivative(0, phase)
 
-    def slope(self, phase, side="right"):
+    def slope(self, phase: ArrayLike, side: str = "right") -> NDArray[Any]:
         """First derivative (rad per period) at `phase`; `side` chooses the limit at a knot."""
         return self.derivative(1, phase, side)
 
-    def curvature(self, phase, side="right"):
+    def curvature(self, phase: ArrayLike, side: str = "right") -> NDArray[Any]:
         """Second derivative (rad per period²) at `phase`; `side` chooses the limit at a knot."""
         return self.derivative(2, phase, side)
 
-    def slope_jumps(self):
+    def slope_jumps(self) -> NDArray[Any]:
         """Slope right minus left of knots[i], (n,) rad per period; exactly 0 off the kinks."""
         at = self.knots[:-1]
         return np.where(self.kinks, self.slope(at, "right") - self.slope(at, "left"), 0.0)
 
     @cached_property
-    def fine_table(self):
+    def fine_table(self) -> tuple[NDArray[Any], NDArray[Any]]:
         """Knots (n + 1,) and coefficients (n, 6) that follow a harmonic series to rounding.
 
         Value to 1e-16, slope to 2e-14 and curvature to 3e-12 of their maxima: what RK4 steps over,
@@ -180,7 +188,7 @@ class TransmissionError:
         return harmonic_table(self.harmonics, FINE_TOLERANCE)
 
     @cached_property
-    def magnitude(self):
+    def magnitude(self) -> float:
         """Largest single term of the table's polynomials on their pieces, rad."""
         terms = np.abs(self.coefficients) * np.diff(self.knots)[:, None] ** np.arange(6)
         return float(terms.max())
@@ -191,11 +199,11 @@ class TransmissionError:
         return extrema_of(self.knots, self.coefficients)
 
     @cached_property
-    def peak_to_peak(self):
+    def peak_to_peak(self) -> float:
         """Greatest minus least value, rad."""
         return self.extrema[1] - self.extrema[0]
 
-    def __mul__(self, factor):
+    def __mul__(self, factor: float) -> TransmissionError:
         """Every value times a number."""
         if not isinstance(factor, Real) or isinstance(factor, bool | np.bool_):
             return NotImplemented
@@ -203,16 +211,16 @@ class TransmissionError:
 
     __rmul__ = __mul__
 
-    def __neg__(self):
+    def __neg__(self) -> TransmissionError:
         return -1.0 * self
 
-    def __add__(self, other):
+    def __add__(self, other: TransmissionError) -> TransmissionError:
         """The sum of two transmission errors: a profile deviation on top of a misalignment."""
         if not isinstance(other, TransmissionError):
             return NotImplemented
         return self._of(algebra.total(self._parts, other._parts))
 
-    def shifted(self, phase):
+    def shifted(self, phase: float) -> TransmissionError:
         """The same transmission error so much later in the mesh cycle.
 
         Parameters
@@ -231,14 +239,15 @@ class TransmissionError:
         return self._of(algebra.shifted(self._parts, arguments.real("phase", phase)))
 
     @property
-    def _parts(self):
+    def _parts(self) -> algebra.Parts:
         return algebra.Parts(self.knots, self.coefficients, self.kinks, self.harmonics)
 
-    def _of(self, parts):
+    def _of(self, parts: algebra.Parts) -> TransmissionError:
         return type(self)(*parts, self.te_sign_hint)
 
     @classmethod
-    def from_hermite(cls, phase, value, slope_left, slope_right=None):
+    def from_hermite(cls, phase: ArrayLike, value: ArrayLike, slope_left: ArrayLike,
+                     slope_right: ArrayLike | None = None) -> TransmissionError:
         """Cubic Hermite pieces between rows of value and slope.
 
         Parameters
@@ -257,7 +266,8 @@ class TransmissionError:
         return cls(*hermite_table(phase, value, slope_left, slope_right))
 
     @classmethod
-    def from_samples(cls, phase, value, kinks=()):
+    def from_samples(cls, phase: ArrayLike, value: ArrayLike,
+                     kinks: ArrayLike = ()) -> TransmissionError:
         """Periodic C2 cubic spline through samples, broken at marked kinks.
 
         Between two kinks the spline is 'not-a-knot'; an arc of three points is a parabola, of
@@ -277,7 +287,8 @@ class TransmissionError:
         return cls(*spline_table(phase, value, kinks))
 
     @classmethod
-    def harmonic(cls, amplitudes, shifts=None, orders=None):
+    def harmonic(cls, amplitudes: ArrayLike, shifts: ArrayLike | None = None,
+                 orders: ArrayLike | None = None) -> TransmissionError:
         """Sum of amplitude·cos(2π·order·phase + shift), tabulated by quintic Hermite pieces.
 
         The number of pieces is the smallest for which the remainder bound promises 1e-12 in
@@ -310,13 +321,14 @@ class TransmissionError:
         return cls(knots, coefficients, np.zeros(knots.size - 1, dtype=bool), series)
 
     @classmethod
-    def parabola(cls, amplitude):
+    def parabola(cls, amplitude: float) -> TransmissionError:
         """Δφ = -4·amplitude·(phase - ½)², kinked at phase 0; amplitude (rad) > 0: cusp down."""
         amplitude = arguments.real("amplitude", amplitude)
         return cls.from_hermite([0.0], [-amplitude], [-4 * amplitude], [4 * amplitude])
 
     @classmethod
-    def from_tca(cls, pinion_angle, gear_angle, pinion_teeth, gear_teeth, reference=(0.0, 0.0)):
+    def from_tca(cls, pinion_angle: ArrayLike, gear_angle: ArrayLike, pinion_teeth: int,
+                 gear_teeth: int, reference: ArrayLike = (0.0, 0.0)) -> TransmissionError:
         """Table from angle pairs: Δφ = (φ2 - φ2*) - (Z1/Z2)(φ1 - φ1*), phase = Z1(φ1 - φ1*)/2π.
 
         The rows are one tooth pair's curve over one mesh period, from the transfer point (first
@@ -340,7 +352,9 @@ class TransmissionError:
         return replace(table, te_sign_hint="geometric")
 
     @classmethod
-    def from_file(cls, path, *, pinion_teeth=None, gear_teeth=None, reference=(0.0, 0.0)):
+    def from_file(cls, path: str | os.PathLike[str], *, pinion_teeth: int | None = None,
+                  gear_teeth: int | None = None,
+                  reference: ArrayLike = (0.0, 0.0)) -> TransmissionError:
         """Read a CSV table: `#` comments, a header naming columns and units, one row per point.
 
         Columns are one of: phase, transmission_error; the same with kink (0/1); with slope;
@@ -371,6 +385,7 @@ class TransmissionError:
             raise TransmissionErrorFileError(path, problems)
         try:
             if "gear_angle" in columns:
+                assert pinion_teeth is not None and gear_teeth is not None  # or it is a problem
                 return cls.from_tca(columns["pinion_angle"], columns["gear_angle"], pinion_teeth,
                                     gear_teeth, reference)
             phase, value = columns.pop("phase"), columns.pop("transmission_error")
