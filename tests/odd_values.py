@@ -144,7 +144,7 @@ CASES = {
 # Enumerations and errors are Python's own; a version is a text; odd decks and odd result files are
 # tested where they are read.
 NOT_CALLED = {"EventKind", "MotionState", "Status", "__version__", "NoOrbit", "ParameterError",
-              "load_deck", "run_deck", "open_results"}
+              "load_deck", "run_deck", "open_results", "progress_bar"}
 # What a call may end in besides a result, TypeError and ValueError: documented at its place.
 ALLOWED = (NoOrbit, OSError, TransmissionErrorFileError)
 

@@ -92,8 +92,9 @@ def test_any_dataset_of_another_kind_has_no_figure():
 
 
 def test_lapwing_alone_loads_no_xarray():
-    code = ("import sys, lapwing; lapwing.GearPair; assert 'xarray' not in sys.modules; "
-            "lapwing.sweep; import xarray; assert hasattr(xarray.Dataset, 'lapwing')")
+    code = ("import sys, lapwing.accessor; lapwing.sweep; assert 'xarray' not in sys.modules; "
+            "lapwing.accessor.register(); import xarray; "
+            "assert hasattr(xarray.Dataset, 'lapwing')")
     subprocess.run([sys.executable, "-c", code], check=True)
 
 

@@ -42,17 +42,12 @@ _HOMES = {
 __all__ = [*_HOMES, "__version__"]
 
 
-# What comes from these makes Datasets, which then have the attribute `lapwing`.
-_MAKERS = ("run", "studies", "results")
-
 
 def __getattr__(name):
     if name == "__version__":
         return import_module("lapwing._build_info").VERSION
     if name not in _HOMES:
         raise AttributeError(f"module 'lapwing' has no attribute {name!r}")
-    if _HOMES[name].startswith(_MAKERS):
-        import_module("lapwing.accessor").register()
     return getattr(import_module(f"lapwing.{_HOMES[name]}"), name)
 
 

@@ -1,7 +1,7 @@
 """What Datasets of Lapwing can do: `data.lapwing.speed()`, `data.lapwing.orbit_diagram()`.
 
-Registered as soon as `lapwing` is asked for something that makes a Dataset; by hand with
-`lapwing.accessor.register()`.
+Registered with the first Dataset that Lapwing makes or opens (`base.registry.give_accessor`); by
+hand with `lapwing.accessor.register()`.
 """
 
 from __future__ import annotations
@@ -158,4 +158,4 @@ def register() -> None:
     import xarray as xr
 
     if not hasattr(xr.Dataset, "lapwing"):
-        xr.register_dataset_accessor("lapwing")(LapwingAccessor)
+        xr.register_dataset_accessor("lapwing")(LapwingAccessor)  # type: ignore[no-untyped-call]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lapwing.base.codes import EventKind, Flank, MotionState, SearchStage, Status
+from lapwing.base.registry import give_accessor
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -172,6 +173,7 @@ def worded(dataset: xr.Dataset) -> xr.Dataset:
         A response, a sweep, a run or a part of a file.  Attributes of variables are replaced; of
         one that is not known, units and long name stay.
     """
+    give_accessor()
     for name, variable in dataset.variables.items():
         key = str(name)
         bare = key if key in DESCRIPTIONS else key.removeprefix("cycle_")

@@ -69,6 +69,11 @@ STUDIES = {study.kind: study for study in (
           told=1))}
 
 
+def give_accessor() -> None:
+    """Give xarray's Datasets the attribute `lapwing`; for whoever makes or opens one."""
+    import_module("lapwing.accessor").register()
+
+
 def carried_out() -> list[Study]:
     """The studies in the order they are carried out."""
     return sorted(STUDIES.values(), key=lambda study: study.turn)

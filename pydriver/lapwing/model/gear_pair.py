@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lapwing.base import arguments
 from lapwing.base.arguments import LEAST, MOST, Refusals
@@ -146,7 +146,7 @@ class GearPair:
         brake_torque = arguments.real("brake_torque", brake_torque)
         if drive_torque is not None:
             drive_torque = arguments.real("drive_torque", drive_torque)
-        return force_at(self, brake_torque, drive_torque)
+        return float(force_at(self, brake_torque, drive_torque))
 
     def _mean_rotation(self, mesh_frequency_ratio: float, brake_torque: float,
                        drive_torque: float | None = None) -> MeanRotation:
@@ -219,7 +219,7 @@ class GearPair:
         problems = _drive_problems(speeds, 0.0, None)
         if problems:
             raise ParameterError("mesh frequency", problems)
-        return frequency_at(self, **speeds)
+        return float(frequency_at(self, **speeds))
 
 
 def force_at(pair: GearPair, brake_torque: Any, drive_torque: Any = None) -> Any:

@@ -6,12 +6,17 @@ from contextlib import suppress
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
-from typing import NamedTuple
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from lapwing.base.exit_codes import is_of_surroundings
 from lapwing.base.registry import STUDIES, carried_out
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
 
 FORMATS = ("png", "pdf")
 # Modules with a `draw` each, by the kind of study they show.
@@ -81,9 +86,9 @@ def _reading_order():
     return [study.kind for study in reversed(carried_out())]
 
 
-def shows(module, dataset):
+def shows(module: str, dataset: xr.Dataset) -> bool:
     """Whether a dataset holds what a figure shows."""
-    return getattr(figure_module(module), "shows", lambda _: True)(dataset)
+    return bool(getattr(figure_module(module), "shows", lambda _: True)(dataset))
 
 
 def draw_all(results, folder, *, formats=FORMATS, progress=None, crew=None):
@@ -145,7 +150,7 @@ def attempt(results, task, folder, formats):
 OPTIONS = ("gear_pair", "title", "full_engagement", "claims", "marks")
 
 
-def figure_of(figure, dataset, **options):
+def figure_of(figure: str, dataset: xr.Dataset, **options: Any) -> Figure:
     """A figure of a dataset.
 
     Parameters
@@ -168,10 +173,12 @@ def figure_of(figure, dataset, **options):
                         f"{', '.join(OPTIONS)}")
     draw = figure_module(figure).draw
     taken = signature(draw).parameters
-    return draw(dataset, **{name: value for name, value in options.items() if name in taken})
+    drawn: Figure = draw(dataset, **{name: value for name, value in options.items()
+                                     if name in taken})
+    return drawn
 
 
-def figure_module(figure):
+def figure_module(figure: str) -> ModuleType:
     """Module with the `draw` of a figure, named as in `FIGURES` or by its last part."""
     known = (name for study in STUDIES.values() for name in study.figures)
     full = next((name for name in known if name.rpartition(".")[2] == figure), figure)

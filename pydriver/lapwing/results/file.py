@@ -11,17 +11,21 @@ import os
 import platform
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lapwing.base.messages import facts_html
-from lapwing.base.registry import STUDIES
+from lapwing.base.registry import STUDIES, give_accessor
 from lapwing.base.signals import held
 from lapwing.model.oscillator import TE_SIGNS
 from lapwing.results.checksums import DamagedFile, store_checksums, verify_file
 from lapwing.results.schema import SCHEMA_VERSION, as_of_today, with_plain_text
 from lapwing.results.store import Manifest, flush, os_errors, sha256_of
 from lapwing.results.variables import FAILED, described
+
+if TYPE_CHECKING:
+    from lapwing.model.gear_pair import GearPair
 
 CONVENTIONS = "CF-1.11"
 # Variables larger than this are compressed; the rest is small beside the file's own overhead.
@@ -120,7 +124,7 @@ def _dataset(variables, attributes):
     return xr.Dataset(variables, attrs=attributes)
 
 
-def pair_attributes(pair):
+def pair_attributes(pair: GearPair) -> dict[str, Any]:
     """The numbers of a gear pair, given and derived, as group `gear_pair` has them."""
     given = {key: value for key, value in asdict(pair).items() if value is not None}
     return {**given, **{name: getattr(pair, name) for name in DERIVED}, "damping_ratio": pair.xi}
@@ -285,6 +289,7 @@ class Results:
         import xarray as xr
 
         if group not in self._open:
+            give_accessor()
             opened = xr.open_dataset(self.path, group=group, engine="netcdf4", decode_times=False)
             self._open[group] = as_of_today(opened, int(self.attrs.get("schema_version", 0)))
         return self._open[group]

@@ -119,7 +119,8 @@ def test_history_and_events_are_those_of_simulate():
     speed = np.abs(data["phi_dot"]).max().item()
     slack = 4 * 12 * osc.period * np.finfo(float).eps * speed
     assert np.abs(history["phi"].values - data["phi"].values).max() < slack
-    np.testing.assert_allclose(data["time"], (data["sample_cycle"] + data["phase"]) * 0.01, rtol=1e-14)
+    np.testing.assert_allclose(data["time"], (data["sample_cycle"] + data["phase"]) * 0.01,
+                               rtol=1e-14)
     np.testing.assert_array_equal(
         data["dynamic_te"], data["phi"] + osc.flank_scale * osc.te.value(data["phase"].values))
 
