@@ -55,3 +55,14 @@ def test_a_signal_when_all_is_said(tmp_path, place, code):
     """Once the exit code stands nothing changes it any more."""
     done = child(tmp_path, place, "SIGINT")
     assert done.returncode == code and "good" in done.stdout, done.stderr
+
+
+def test_the_version_is_said_without_loading_a_command_line():
+    code = ("import runpy, sys\n"
+            "sys.argv = ['lapwing', '--version']\n"
+            "try: runpy.run_module('lapwing', run_name='__main__', alter_sys=True)\n"
+            "except SystemExit as end: print(end.code)\n"
+            "print('HEAVY', sorted({'typer', 'pydantic', 'numpy', 'rich'} & set(sys.modules)))")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    version, code, heavy = done.stdout.splitlines()
+    assert version.startswith("lapwing ") and (code, heavy) == ("0", "HEAVY []")

@@ -29,6 +29,9 @@ def _carried_out():
     os.environ["MATPLOTLIBRC"] = os.path.join(os.path.dirname(__file__), "plots", "matplotlibrc")
     code = exit_codes.ExitCode.SURROUNDINGS
     try:
+        if sys.argv[1:] == ["--version"]:  # one line, which needs no command line loaded
+            print(console.version_line())
+            return console.flush_streams(exit_codes.ExitCode.GOOD)
         from lapwing.cli import called
 
         signals.check()  # while modules are loaded a signal waits

@@ -19,6 +19,7 @@ import typer
 from lapwing.base import estimates, exit_codes, signals
 from lapwing.base.exit_codes import MEANINGS, ExitCode
 from lapwing.base.registry import STUDIES
+from lapwing.console import version_line
 
 OK, FAILED, BAD_INPUT, SURROUNDINGS, INTERRUPTED = (
     ExitCode.GOOD, ExitCode.FAILED, ExitCode.BAD_INPUT, ExitCode.SURROUNDINGS,
@@ -61,9 +62,7 @@ def main_options(version: Annotated[bool, typer.Option(
         "--version", help="print the version and how the engine was built")] = False):
     """Options without a command."""
     if version:
-        from lapwing import _build_info as build
-
-        print(f"lapwing {build.VERSION} ({build.COMPILER}, {build.FLAGS}, {build.BUILDTYPE})")
+        print(version_line())
         raise typer.Exit(OK)
 
 

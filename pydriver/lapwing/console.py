@@ -1,4 +1,4 @@
-"""Standard output and error that take every character and never stop a run."""
+"""Standard output and error that take every character and never stop a run; the version."""
 
 from __future__ import annotations
 
@@ -10,6 +10,13 @@ import sys
 from lapwing.base.exit_codes import ExitCode
 
 _STREAMS = ("stdout", "stderr")
+
+
+def version_line() -> str:
+    """What `lapwing --version` says: the version and how the engine was built."""
+    from lapwing import _build_info as build
+
+    return f"lapwing {build.VERSION} ({build.COMPILER}, {build.FLAGS}, {build.BUILDTYPE})"
 
 
 class Outlet(io.RawIOBase):

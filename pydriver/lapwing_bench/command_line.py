@@ -15,8 +15,8 @@ def bench(scene: Annotated[list[str], typer.Option(
           method: Annotated[list[str], typer.Option(
               metavar="NAME", help="method to run; may be repeated; default: all")] = [],  # noqa: B006
           full: Annotated[bool, typer.Option(
-              "--full/--quick", help="every torque and tolerance (some 20 minutes), or fewer "
-              "(two minutes)")] = False,
+              "--full/--quick", help="every torque and tolerance (some 30 minutes), or fewer "
+              "(six minutes)")] = False,
           repeats: Annotated[int, typer.Option(
               min=0, help="repeats of each timing; 0: as --full or --quick say")] = 0,
           out: Annotated[Path, typer.Option(metavar="DIR", help="where bench.nc and figure go")]

@@ -13,6 +13,7 @@ from lapwing_bench.problem import problem
 from lapwing_bench.reference import load, variant
 from lapwing_bench.rivals import RIVALS
 from lapwing_bench.scenes import LONG, SHORT
+from lapwing_bench.whole_calls import measure_calls
 
 RK4_TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
 # Only says how far a run of `exact` is compared (judge.py); nothing of the method depends on it.
@@ -75,7 +76,8 @@ def measure(scene, plan, methods=METHODS, progress=None):
     Returns
     -------
     xarray.Dataset over `setting`, `torque` and `horizon` (cycles): `COLUMNS`, processor time in
-    µs per mesh cycle over the long horizon and listed events per cycle; NaN where not run
+    µs per mesh cycle over the long horizon and listed events per cycle; NaN where not run; and
+    what `measure_calls` adds
     """
     scene = scene.at([scene.torques[i] for i in spread(len(scene.torques), plan.torques)])
     say = progress or (lambda text: None)
@@ -89,7 +91,7 @@ def measure(scene, plan, methods=METHODS, progress=None):
         for tolerance in thinned(rival.tolerances, plan.tolerances):
             say(f"{scene.name} {rival.name} {tolerance:g}")
             rows.append(_measure_rival(scene, rival, tolerance, plan))
-    return _dataset(scene, rows)
+    return measure_calls(scene, _dataset(scene, rows), plan.repeats, say)
 
 
 def _own_settings(plan, methods):

@@ -75,7 +75,7 @@ def page_text(datasets, attributes, image):
 
 
 def _markdown(table):
-    right = {"scene", "method"}
+    right = {"scene", "method", "sweep"}
     rule = ["---" if column in right else "---:" for column in table.header]
     return "\n".join("| " + " | ".join(row) + " |" for row in (table.header, rule, *table.rows))
 

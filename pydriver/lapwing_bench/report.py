@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from lapwing_bench import summary
 from lapwing_bench.ours import RECORDED, SETTLED
 from lapwing_bench.rivals import RIVALS
 from lapwing_bench.scenes import LONG, SHORT
+from lapwing_bench.whole_calls import CALL_ERROR
 
 FIGURE = "work_precision"
 # Characters the widest table needs; a narrower terminal breaks its lines.
@@ -36,7 +39,7 @@ def tables(datasets):
     -------
     list of Table
     """
-    return [_ratios(datasets), _equal_errors(datasets), _studies(datasets),
+    return [_ratios(datasets), *_calls(datasets), _equal_errors(datasets), _studies(datasets),
             *(_scene(name, dataset) for name, dataset in datasets.items())]
 
 
@@ -85,6 +88,47 @@ def _ratios(datasets):
         "median, over torques, of its cost over that of `exact` and of `rk4`, chosen the same way.",
         ("scene", "method", "tolerance", "median error", "largest", "µs", "over exact",
          "over rk4"), rows)
+
+
+def _calls(datasets):
+    """Whole calls, and what of `lapwing.sweep` is outside the engine."""
+    whole, outside = [], []
+    for name, dataset in datasets.items():
+        all_lines, horizon = summary.lines(dataset), summary.deciding_horizon(dataset)
+        calls = dataset["call"].values
+        base = next((k for k, line in enumerate(all_lines) if line.method == "exact"), None)
+        for c, case in enumerate(dataset["case"].values):
+            for k, line in enumerate(all_lines):
+                if np.all(np.isnan(calls[k, c])):
+                    continue
+                ratios = calls[k, c] / calls[base, c] if base is not None else [np.nan] * 2
+                whole.append((name, str(case), line.method, _tolerance(line),
+                              _error(line.errors[horizon][0]), *map(_cost, calls[k, c]),
+                              *map(_times, ratios)))
+                if line.method == "exact":
+                    torques, cycles = map(int, str(case).split(" × "))
+                    inside = dataset["call_engine"].values[k, c]
+                    rest = calls[k, c] - inside
+                    outside.append((name, str(case), *map(_cost, inside), *map(_cost, calls[k, c]),
+                                    *(f"{100 * part:.1f} %" for part in rest / calls[k, c]),
+                                    *(f"{1e-3 * t * torques * cycles:.2f}" for t in rest),
+                                    f"{calls[k, c, 0] / calls[k, c, 1]:.2f}"))
+    return [Table(
+        "Whole calls", "What a user waits for: a sweep of so many torques × mesh cycles from rest, "
+        f"each method at its cheapest setting with a median error of at most {CALL_ERROR:g} that "
+        "misses and doubles nothing. µs per mesh cycle by the clock, the quickest of several "
+        "calls, with one thread and with two. Of `exact` and `rk4` it is `lapwing.sweep` with the "
+        "statistics of each recorded cycle, period and class of every motion; a rival gets the "
+        "scene ready and compiled, runs all torques (heyoka one by one or in batches, whichever "
+        "is faster here) and hands back its events. SciPy and CVODE are left out: the table above "
+        "says how far they are.",
+        ("scene", "sweep", "method", "tolerance", "median error", "one thread", "two",
+         "over exact", "two"), whole), Table(
+        "Outside the engine", "`lapwing.sweep` by `exact`, the same calls: µs per mesh cycle "
+        "inside the compiled engine and of the whole call, each with one thread and with two; "
+        "what is outside in percent and in ms; how much sooner two threads are done.",
+        ("scene", "sweep", "engine", "two", "whole", "two", "outside", "two", "ms", "two",
+         "sooner"), outside)]
 
 
 def _equal_errors(datasets):
@@ -148,7 +192,7 @@ def show(datasets, attributes):
     for table in tables(datasets):
         rich = RichTable(title=table.heading, title_justify="left", box=box.SIMPLE_HEAD,
                          padding=(0, 1, 0, 0), caption=table.words, caption_justify="left")
-        texts = {"scene", "method"}
+        texts = {"scene", "method", "sweep"}
         for column in table.header:
             rich.add_column(column, justify="left" if column in texts else "right", no_wrap=True)
         for row in table.rows:

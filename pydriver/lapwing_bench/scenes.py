@@ -31,6 +31,7 @@ class BenchScene:
     mesh_frequency_hz : float, Hz
     contact_law, impact_law : str, as `Oscillator` takes them
     torques : tuple of float, N·m
+    swept : (float, float), N·m, least and greatest torque of a sweep
     """
 
     name: str
@@ -40,6 +41,7 @@ class BenchScene:
     contact_law: str = "restitution"
     impact_law: str = "relative"
     torques: tuple = field(default=TORQUES, repr=False)
+    swept: tuple = (TORQUES[0], TORQUES[-1])
 
     def oscillator(self, torque):
         """The dimensionless oscillator at one brake torque (N·m)."""
@@ -83,7 +85,7 @@ def shipped():
 SCENES = {scene.name: scene for scene in (
     BenchScene(name="S1", title="compliant, harmonic 50 µrad, 300 Hz, never leaves contact",
                te=harmonic(5e-5), mesh_frequency_hz=300.0, contact_law="compliant",
-               torques=(12.0,)),
+               torques=(12.0,), swept=(8.0, 14.0)),
     BenchScene(name="S2", title="compliant, harmonic 100 µrad, 600 Hz",
                te=harmonic(1e-4), mesh_frequency_hz=600.0, contact_law="compliant"),
     BenchScene(name="S3", title="restitution, harmonic 100 µrad, 300 Hz",

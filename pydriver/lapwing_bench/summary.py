@@ -74,8 +74,8 @@ def lines(dataset):
     return found
 
 
-def chosen(dataset, method):
-    """Index of a method's cheapest setting with a median error of at most `WANTED_ERROR`.
+def chosen(dataset, method, wanted=WANTED_ERROR):
+    """Index of a method's cheapest setting with a median error of at most `wanted`.
 
     One that misses or doubles an event at any torque is not accurate. Where no setting will do,
     the most accurate one; None where the method was not run.
@@ -87,7 +87,7 @@ def chosen(dataset, method):
     if not own:
         return None
     good = [(line.cost, k) for k, line in own
-            if line.errors[horizon][0] <= WANTED_ERROR and line.missed + line.doubled == 0]
+            if line.errors[horizon][0] <= wanted and line.missed + line.doubled == 0]
     if good:
         return min(good)[1]
     return min((line.errors[horizon][0], k) for k, line in own)[1]

@@ -5,9 +5,10 @@ import pytest
 from typer.testing import CliRunner
 
 from lapwing.cli import app
-from lapwing_bench import measure, rivals, store
+from lapwing_bench import measure, rivals, store, whole_calls
 
-RUN = ["bench", "--scene", "S4", "--method", "rk4", "--method", "SciPy DOP853"]
+RUN = ["bench", "--scene", "S4", "--method", "exact", "--method", "rk4", "--method",
+       "SciPy DOP853"]
 
 
 @pytest.fixture(scope="module")
@@ -17,6 +18,9 @@ def outcome(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(measure, "QUICK", measure.Plan(
             torques=3, slow_torques=1, slow_short_torques=2, tolerances=4, repeats=1))
+        patch.setattr(whole_calls, "CASES", (whole_calls.Case(5, 0, 2), whole_calls.Case(
+            9, 2, 3, rivals=False)))
+        patch.setattr(whole_calls, "LEAST_SECONDS", 0.0)
         patch.setattr(rivals, "version", lambda package: None if package == "heyoka" else "1.0")
         result = CliRunner().invoke(app, [*RUN, "--out", str(folder), "--page",
                                           str(folder / "docs" / "page.md")])
@@ -37,7 +41,7 @@ def test_numbers_are_stored(outcome):
     assert list(datasets) == ["S4"] and attributes["command"].startswith("lapwing bench")
     data = datasets["S4"]
     assert data["torque"].values.tolist()[::2] == [0.5, 14.0]
-    assert list(data["method"].values) == ["rk4"] * 3 + ["SciPy DOP853"] * 2
+    assert list(data["method"].values) == ["exact"] + ["rk4"] * 3 + ["SciPy DOP853"] * 2
     own = data["method"].values == "rk4"
     # Three cycles at the method's own tolerances: far below 1e-3 mesh periods at the tightest.
     errors = data["error"].values[own][:, :, 0]
@@ -47,15 +51,27 @@ def test_numbers_are_stored(outcome):
     studied = data["identical_bytes"].values >= 0
     assert np.all(data["study_computed"].values[studied] > 0)
     assert np.all(data["study_copied"].values[studied] > 0)
-    ran = ~np.isnan(data["error"].values[~own][:, :, 0])
+    ran = ~np.isnan(data["error"].values[-2:, :, 0])
     assert ran.sum(axis=1).tolist() == [2, 2]
+
+
+def test_whole_calls_are_measured_at_the_setting_that_is_right(outcome):
+    data = store.read(outcome[1] / "bench.nc")[0]["S4"]
+    calls, inside = data["call"].values, data["call_engine"].values
+    assert data["case"].values.tolist() == ["5 × 2", "9 × 5"]
+    assert np.all(calls[0] > inside[0]) and np.all(inside[0] > 0)
+    settings = np.flatnonzero(~np.isnan(calls[:, 0, 0]))
+    assert len(settings) == 2 and data["method"].values[settings].tolist() == ["exact", "rk4"]
+    assert np.nanmedian(data["error"].values[settings[1], :, 0]) <= whole_calls.CALL_ERROR
+    assert np.all(np.isnan(calls[settings[1], 1]))
 
 
 def test_the_terminal_and_the_page_show_the_tables(outcome):
     result, folder = outcome
     page = (folder / "docs" / "page.md").read_text(encoding="utf-8")
     for text in (result.output, page):
-        for word in ("Ratios", "Cost at equal error", "A study", "SciPy DOP853", "rk4"):
+        for word in ("Ratios", "Whole calls", "Outside the engine", "Cost at equal error",
+                     "A study", "SciPy DOP853", "rk4"):
             assert word in text
     assert "heyoka: not installed" in result.output
     assert "Not installed: heyoka" in page and "images/work_precision.png" in page

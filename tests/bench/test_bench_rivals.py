@@ -32,6 +32,26 @@ def test_a_rival_is_right(rival, name, index):
     assert found.error < ALLOWED
 
 
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize(("rival", "module"), [
+    pytest.param(rival, module, id=module, marks=pytest.mark.skipif(
+        not rival.installed, reason=f"{rival.package} is not installed"))
+    for rival in RIVALS for module in rival.sweepers])
+@pytest.mark.parametrize("name", ["S2", "S3b", "S4", "A"])
+def test_a_rivals_sweep_is_right(rival, module, name, threads):
+    """Seven torques: no whole number of batches."""
+    scene = SCENES[name]
+    references = load(name, variant(scene, rule=True, table=False))
+    chosen = range(0, len(scene.torques), 10)
+    given = [problem(scene.oscillators[i]) for i in chosen]
+    records = rival.sweeper(module, scene, TIGHT[rival.name], threads)(given, SHORT)
+    assert len(records) == len(given) == 7
+    for i, one, record in zip(chosen, given, records, strict=True):
+        outcome = record.outcome()
+        found = judge(outcome, references[scene.torques[i]], one, SHORT, TIGHT[rival.name])
+        assert outcome.failure == "" and found.error < ALLOWED
+
+
 def test_scipy_converges():
     """A thousandth of the tolerance: an error less than a tenth."""
     scene, errors = SCENES["S3b"], []

@@ -10,6 +10,7 @@ natural size), its own cool-down after an event, and no polynomial that begins w
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import heyoka as hy
@@ -72,6 +73,25 @@ def settled(flight, flank, tau, move):
 def follower(scene, tolerance):
     """See the package's docstring."""
     return partial(_follow, *_compiled(problem_of(scene.oscillators[0]), tolerance))
+
+
+def sweeper(scene, tolerance, threads):
+    """See the package's docstring."""
+    followers = [follower(scene, tolerance) for _ in range(threads)]
+
+    def sweep(problems, cycles):
+        def share(k):
+            return [followers[k](problem, cycles) for problem in problems[k::threads]]
+
+        if threads == 1:
+            return share(0)
+        found = [None] * len(problems)
+        with ThreadPoolExecutor(threads) as pool:
+            for k, records in enumerate(pool.map(share, range(threads))):
+                found[k::threads] = records
+        return found
+
+    return sweep
 
 
 def _compiled(first, tolerance):

@@ -13,7 +13,7 @@ from lapwing.base.codes import EventKind
 from lapwing_bench.outcome import Record
 
 SEPARATION, DRIVE, COAST = 0, 1, 2
-MAX_EVENTS = 20_000
+MAX_EVENTS = 50_000
 
 
 def back(kind, flank):

@@ -10,13 +10,15 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-from numba import njit
+from numba import njit, prange, set_num_threads
 
 from lapwing.base.codes import EventKind
 from lapwing_bench.outcome import Record
 
 SEPARATION, DRIVE, COAST = 0, 1, 2
-MAX_EVENTS, MAX_STEPS = 20_000, 2_000_000
+MAX_EVENTS, MAX_STEPS = 50_000, 5_000_000
+# Torques of a sweep for which events are kept.
+MOST_TORQUES = 64
 FAILURES = ("", "too many events", "too many steps")
 IMPACT, RELEASE = int(EventKind.IMPACT), int(EventKind.RELEASE)
 ENGAGE, CHATTER_END = int(EventKind.ENGAGE), int(EventKind.CHATTER_END)
@@ -34,16 +36,46 @@ def follower(scene, tolerance):
 
 
 def _follow(tolerance, rows, problem, cycles):
-    parameters = np.array([
+    laws, arcs = _shared(problem, cycles)
+    n, failure, state, phi, phi_dot = run(
+        _numbers(problem), laws, arcs, cycles, tolerance, tolerance * problem.angle,
+        tolerance * problem.speed, problem.amplitude, rows)
+    return Record(rows[:n].copy(), problem.period, (state, phi, phi_dot), FAILURES[failure])
+
+
+def sweeper(scene, tolerance, threads):
+    """See the package's docstring."""
+    room = np.empty((MOST_TORQUES, MAX_EVENTS, 3))
+
+    def sweep(problems, cycles):
+        set_num_threads(threads)
+        laws, arcs = _shared(problems[0], cycles)
+        n = len(problems)
+        if n > MOST_TORQUES:
+            raise ValueError(f"{n} torques, expected at most {MOST_TORQUES}")
+        rows, counts, ends = room[:n], np.empty((n, 3), dtype=np.int64), np.empty((n, 2))
+        run_all(np.array([_numbers(problem) for problem in problems]), laws, arcs, cycles,
+                tolerance, np.array([(problem.angle, problem.speed) for problem in problems]),
+                problems[0].amplitude, rows, counts, ends)
+        return [Record(rows[i, :counts[i, 0]].copy(), problem.period,
+                       (int(counts[i, 2]), *ends[i].tolist()), FAILURES[counts[i, 1]])
+                for i, problem in enumerate(problems)]
+
+    return sweep
+
+
+def _numbers(problem):
+    return np.array([
         problem.force, problem.omega, problem.period, problem.xi, problem.restitution,
         problem.backlash, problem.sticking, problem.amplitude * problem.omega**2])
+
+
+def _shared(problem, cycles):
+    """Laws and arcs, as `run` takes them."""
     laws = np.array([problem.compliant, problem.absolute, len(problem.arcs) > 0])
     arcs = np.array([[arc.begin, arc.end, arc.slope, arc.curvature, arc.jump]
                      for arc in problem.arcs] or [[0.0, problem.period * cycles, 0.0, 0.0, 0.0]])
-    n, failure, state, phi, phi_dot = run(
-        parameters, laws, arcs, cycles, tolerance, tolerance * problem.angle,
-        tolerance * problem.speed, problem.amplitude, rows)
-    return Record(rows[:n].copy(), problem.period, (state, phi, phi_dot), FAILURES[failure])
+    return laws, arcs
 
 
 @njit(inline="always")
@@ -222,3 +254,12 @@ def run(p, laws, arcs, cycles, rtol, atol_x, atol_v, amplitude, rows):
                 arc, cycle = 0, cycle + 1
             v -= arcs[arc, 4]
     return n, 0, state, x, v
+
+
+@njit(parallel=True)
+def run_all(parameters, laws, arcs, cycles, tolerance, sizes, amplitude, rows, counts, ends):
+    """Every torque, several at a time; events, failures and motion states, φ and φ'."""
+    for i in prange(len(parameters)):
+        counts[i, 0], counts[i, 1], counts[i, 2], ends[i, 0], ends[i, 1] = run(
+            parameters[i], laws, arcs, cycles, tolerance, tolerance * sizes[i, 0],
+            tolerance * sizes[i, 1], amplitude, rows[i])
