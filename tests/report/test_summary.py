@@ -1,5 +1,6 @@
 """The summary: every number asked for is in it, readable, and from the file alone."""
 
+import dataclasses
 import math
 import re
 
@@ -10,7 +11,13 @@ import lapwing
 from helpers import PAIR, SHIPPED, as_in_a_deck, scene_a
 from lapwing.report.hysteresis import _runs
 from lapwing.report.numbers import doubtful, with_error
-from lapwing.report.response import _energy_sentence, _motion_sentence, _table, _times
+from lapwing.report.response import (
+    _energy_sentence,
+    _motion_sentence,
+    _paragraph,
+    _table,
+    _times,
+)
 from lapwing.report.summary import summary_text
 from lapwing.results import read_results, write_results
 from lapwing.studies.response.run import response
@@ -67,6 +74,14 @@ def test_a_bouncing_response_beside_its_claim(text):
     assert "320 µrad deepest separation (here +0.39 %)" in words
     assert "up to 321.2 µrad of 2000 µrad" in words
     assert "Settled" in words
+
+
+def test_without_a_coast_flank_no_gap_is_told():
+    words = _paragraph(response(dataclasses.replace(scene_a(3.3), gap="one_flank"), PAIR,
+                                name="one", **SHORT).attrs)
+    assert "part by up to 321.2 µrad and strike 5 times per cycle" in words
+    assert "There are no coast flanks." in words and "the coast flanks" not in words
+    assert not re.search(r"\b(nan|inf)\b", words)
 
 
 def test_an_engaged_response(text):

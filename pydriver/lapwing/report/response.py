@@ -153,14 +153,15 @@ def _paragraph(attrs):
     elif _on_coast_flank(attrs):
         sentences.append("The coast flanks never part; the drive flanks never touch.")
     else:
-        sentences.append(
-            "The drive flanks part by up to "
-            f"{value_words(attrs, 'deepest_separation', 1e6)} µrad of "
-            f"{1e6 * attrs['gap_width']:g} µrad and strike {_times(attrs, '')} per cycle"
-            + (" " if arrivals_in(attrs).threshold else ", ")
-            + f"({attrs['resolved_impacts_per_cycle']:g} counting every bounce), "
-            * arrivals_in(attrs).threshold + f"the coast flanks {_times(attrs, 'back_')}.")
-        words = [_energy_sentence(attrs)] * arrivals_in(attrs).threshold
+        two_flanks, told = math.isfinite(attrs["gap_width"]), arrivals_in(attrs).threshold
+        width = f" of {1e6 * attrs['gap_width']:g} µrad" * two_flanks
+        parts = [f"strike {_times(attrs, '')} per cycle"
+                 + f" ({attrs['resolved_impacts_per_cycle']:g} counting every bounce)" * told]
+        parts += [f"the coast flanks {_times(attrs, 'back_')}"] * two_flanks
+        sentences.append("The drive flanks part by up to "
+                         f"{value_words(attrs, 'deepest_separation', 1e6)} µrad{width} and "
+                         + ", ".join(parts) + "." + " There are no coast flanks." * (not two_flanks))
+        words = [_energy_sentence(attrs)] * told
         sentences += [*words, *_impact_words(attrs)]
         if attrs["deepest_back_penetration"] > 0:
             sentences.append("The coast flank is pressed in by up to "
