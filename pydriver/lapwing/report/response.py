@@ -160,7 +160,8 @@ def _paragraph(attrs):
         parts += [f"the coast flanks {_times(attrs, 'back_')}"] * two_flanks
         sentences.append("The drive flanks part by up to "
                          f"{value_words(attrs, 'deepest_separation', 1e6)} µrad{width} and "
-                         + ", ".join(parts) + "." + " There are no coast flanks." * (not two_flanks))
+                         + ", ".join(parts) + "."
+                         + " There are no coast flanks." * (not two_flanks))
         words = [_energy_sentence(attrs)] * told
         sentences += [*words, *_impact_words(attrs)]
         if attrs["deepest_back_penetration"] > 0:
