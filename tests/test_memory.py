@@ -159,6 +159,30 @@ def test_points_that_are_finished_stay_so_where_memory_ends():
     assert done.stdout.split() == ["OK", "OUT_OF_MEMORY"]
 
 
+SPY = """
+    import types
+    from lapwing.engine import Numerics, TrajectoryCall, Wanted
+    osc, grew, call = {osc}, [], calls.api.trajectory
+    def spied(*arguments):
+        before = peak()
+        done = call(*arguments)
+        grew.append((peak() - before) / 1024)
+        return done
+    calls.api = types.SimpleNamespace(trajectory=spied)
+    times = np.column_stack([np.zeros(10**6), np.linspace(0, osc.period, 10**6, endpoint=False)])
+    TrajectoryCall(osc, (-1.0, 0, 0, 0), numerics=Numerics(), wanted=Wanted()).run((1, 0.0), times)
+    said = max(grew)
+"""
+
+
+def test_tables_enter_the_engine_without_copies():
+    """A copy that the compiler makes at the border takes for granted that there is memory."""
+    code = "from lapwing.engine import calls" + SPY.format(osc=stiff(1.0, 0.1))
+    grew, _ = child(code)
+    # A million samples and their times are 40 MB; what a call takes itself is far below a tenth.
+    assert grew < 4
+
+
 def test_extrema_search_few_pieces(monkeypatch):
     """Of a series of order 200 and of a smooth table: where its bounds pass all knots."""
     from lapwing.model.transmission_error import extrema

@@ -1,7 +1,8 @@
 !> What Python may call: the only file f2py reads. Flat, one procedure per operation; kinds are C
-!> kinds and nothing is optional. Layouts: `lapwing.engine`. `flank` is a table, a column for each
-!> knot: mesh phase, rad per period**0 to 5, whether the slope jumps (1); or a harmonic series, a
-!> column for each term: order, amplitude (rad), shift, four zeros, -1.
+!> kinds and nothing is optional. Arrays are contiguous: of others the compiler passes on copies, and
+!> takes for granted that there is memory for them. Layouts: `lapwing.engine`. `flank` is a table, a
+!> column for each knot: mesh phase, rad per period**0 to 5, whether the slope jumps (1); or a
+!> harmonic series, a column for each term: order, amplitude (rad), shift, four zeros, -1.
 module api
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   implicit none
@@ -56,22 +57,25 @@ contains
   subroutine trajectory(flank, reals, choices, start, until, blob, sample_time, samples, log, &
       cycles, tangent, done)
     use lapwing_api_marshal, only: go_on_with_trajectory
-    real(c_double), intent(in) :: flank(:, :)               !! transmission error
-    real(c_double), intent(in) :: reals(:)                  !! real parameters
-    integer(c_int), intent(in) :: choices(:)                !! integer parameters
-    real(c_double), intent(in) :: start(:)                  !! (4) -2 go on, -1 rest, or motion
-                                                            !! state; phi, phi', phase
-    real(c_double), intent(in) :: until(:)                  !! (3) target: cycle, time in it;
-                                                            !! seconds for this call
-    real(c_double), intent(inout) :: blob(:)                !! run under way
-    real(c_double), intent(in) :: sample_time(:, :)         !! (2, n) cycle, time; (-1, 0): none
-    real(c_double), intent(inout) :: samples(:, :)          !! (columns, n) motion state, phi, phi',
-                                                            !! the other states
-    real(c_double), intent(inout) :: log(:, :)              !! (columns, room) events
-    real(c_double), intent(inout) :: cycles(:, :)           !! (columns, room) statistics by cycle
-    real(c_double), intent(inout) :: tangent(:, :)          !! (columns, room) tangent maps
-    real(c_double), intent(out) :: done(8)                  !! status, log lines, cycles, cycle, t,
-                                                            !! motion state, phi, phi'
+    real(c_double), contiguous, intent(in) :: flank(:, :)         !! transmission error
+    real(c_double), contiguous, intent(in) :: reals(:)            !! real parameters
+    integer(c_int), contiguous, intent(in) :: choices(:)          !! integer parameters
+    real(c_double), contiguous, intent(in) :: start(:)            !! (4) -2 go on, -1 rest, or
+                                                                  !! motion state; phi, phi', phase
+    real(c_double), contiguous, intent(in) :: until(:)            !! (3) target: cycle, time in it;
+                                                                  !! seconds for this call
+    real(c_double), contiguous, intent(inout) :: blob(:)          !! run under way
+    real(c_double), contiguous, intent(in) :: sample_time(:, :)   !! (2, n) cycle, time; (-1, 0):
+                                                                  !! none
+    real(c_double), contiguous, intent(inout) :: samples(:, :)    !! (columns, n) motion state, phi,
+                                                                  !! phi', the other states
+    real(c_double), contiguous, intent(inout) :: log(:, :)        !! (columns, room) events
+    real(c_double), contiguous, intent(inout) :: cycles(:, :)     !! (columns, room) statistics by
+                                                                  !! cycle
+    real(c_double), contiguous, intent(inout) :: tangent(:, :)    !! (columns, room) tangent maps
+    real(c_double), intent(out) :: done(8)                        !! status, log lines, cycles,
+                                                                  !! cycle, t, motion state, phi,
+                                                                  !! phi'
     !f2py threadsafe
     call go_on_with_trajectory(flank, reals, choices, start, until, blob, sample_time, samples, &
         log, cycles, tangent, done)
@@ -81,21 +85,25 @@ contains
   subroutine sweep(flank, reals, choices, lines, starts, within, blobs, cycles, tangent, density, &
       log, outcome)
     use lapwing_api_marshal, only: go_on_with_sweep
-    real(c_double), intent(in) :: flank(:, :)               !! transmission error
-    real(c_double), intent(in) :: reals(:, :)               !! (n_reals, points) real parameters
-    integer(c_int), intent(in) :: choices(:)                !! integer parameters
-    integer(c_int), intent(inout) :: lines(:, :)            !! (5, lines) first, last, carried,
-                                                            !! point, stage
-    real(c_double), intent(in) :: starts(:, :)              !! (4, lines) -1 rest, or motion state;
-                                                            !! phi, phi', phase
-    real(c_double), intent(in) :: within(:)                 !! (2) seconds for this call, threads
-    real(c_double), intent(inout) :: blobs(:, :)            !! (size, lines) runs under way
-    real(c_double), intent(inout) :: cycles(:, :, :)        !! (columns, record, points)
-    real(c_double), intent(inout) :: tangent(:, :, :)       !! (columns, record, points), or one
-    real(c_double), intent(inout) :: density(:, :)          !! (bins, points) impacts by speed, or
-                                                            !! one
-    real(c_double), intent(inout) :: log(:, :, :)           !! (columns, room, points) impacts
-    real(c_double), intent(inout) :: outcome(:, :)          !! (columns, points) how each ended
+    real(c_double), contiguous, intent(in) :: flank(:, :)         !! transmission error
+    real(c_double), contiguous, intent(in) :: reals(:, :)         !! (n_reals, points) real
+                                                                  !! parameters
+    integer(c_int), contiguous, intent(in) :: choices(:)          !! integer parameters
+    integer(c_int), contiguous, intent(inout) :: lines(:, :)      !! (5, lines) first, last,
+                                                                  !! carried, point, stage
+    real(c_double), contiguous, intent(in) :: starts(:, :)        !! (4, lines) -1 rest, or motion
+                                                                  !! state; phi, phi', phase
+    real(c_double), contiguous, intent(in) :: within(:)           !! (2) seconds for this call,
+                                                                  !! threads
+    real(c_double), contiguous, intent(inout) :: blobs(:, :)      !! (size, lines) runs under way
+    real(c_double), contiguous, intent(inout) :: cycles(:, :, :)  !! (columns, record, points)
+    real(c_double), contiguous, intent(inout) :: tangent(:, :, :) !! (columns, record, points), or
+                                                                  !! one
+    real(c_double), contiguous, intent(inout) :: density(:, :)    !! (bins, points) impacts by
+                                                                  !! speed, or one
+    real(c_double), contiguous, intent(inout) :: log(:, :, :)     !! (columns, room, points) impacts
+    real(c_double), contiguous, intent(inout) :: outcome(:, :)    !! (columns, points) how each
+                                                                  !! ended
     !f2py threadsafe
     call go_on_with_sweep(flank, reals, choices, lines, starts, within, blobs, cycles, tangent, &
         density, log, outcome)

@@ -46,12 +46,15 @@ def test_no_argument_became_single_precision(name):
 
 
 def test_the_api_file_declares_c_kinds_and_results_of_known_shape():
-    """An assumed shape is taken of what comes in; an array that f2py makes says its size."""
+    """An assumed shape is taken of what comes in, which is contiguous; an array that f2py makes
+    says its size."""
     text = source("api/api.f90")
-    declared = re.findall(r"^ *(\w+\(?\w*\)?), intent\((in|out|inout)\) :: ([^!\n]+)", text, re.M)
+    declared = re.findall(r"^ *(\w+\(?\w*\)?)(, contiguous)?, intent\((in|out|inout)\) :: ([^!\n]+)",
+                          text, re.M)
     assert len(declared) > 30
-    for kind, intent, names in declared:
+    for kind, contiguous, intent, names in declared:
         assert kind in ("integer(c_int)", "real(c_double)")
+        assert bool(contiguous) == ("(:" in names)
         assert intent != "out" or "(:" not in names
     assert "optional" not in text.replace("nothing is optional", "")
     assert text.count("!f2py threadsafe") == text.count("end subroutine") - 2
