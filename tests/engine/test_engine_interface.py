@@ -49,8 +49,8 @@ def test_the_api_file_declares_c_kinds_and_results_of_known_shape():
     """An assumed shape is taken of what comes in, which is contiguous; an array that f2py makes
     says its size."""
     text = source("api/api.f90")
-    declared = re.findall(r"^ *(\w+\(?\w*\)?)(, contiguous)?, intent\((in|out|inout)\) :: ([^!\n]+)",
-                          text, re.M)
+    declared = re.findall(
+        r"^ *(\w+\(?\w*\)?)(, contiguous)?, intent\((in|out|inout)\) :: ([^!\n]+)", text, re.M)
     assert len(declared) > 30
     for kind, contiguous, intent, names in declared:
         assert kind in ("integer(c_int)", "real(c_double)")
