@@ -43,7 +43,7 @@ __all__ = [*_HOMES, "__version__"]
 
 
 
-def __getattr__(name):
+def __getattr__(name: str) -> object:
     if name == "__version__":
         return import_module("lapwing._build_info").VERSION
     if name not in _HOMES:
@@ -51,5 +51,5 @@ def __getattr__(name):
     return getattr(import_module(f"lapwing.{_HOMES[name]}"), name)
 
 
-def __dir__():
+def __dir__() -> list[str]:
     return sorted(__all__)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import sys
+from typing import Any
 
 from lapwing import console
 from lapwing.base import exit_codes, signals
 
 
-def main():
+def main() -> None:
     """Entry point: every way to end is one of `ExitCode`, and no traceback."""
     with signals.listen():
         try:
@@ -21,7 +22,7 @@ def main():
     sys.exit(code)
 
 
-def _carried_out():
+def _carried_out() -> Any:
     """Carry out the command line and write out what it says; the exit code."""
     console.open_streams()
     # Nothing of this process is shown in a window, whatever a notebook or a matplotlibrc says.

@@ -14,12 +14,19 @@ from typing import Annotated
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
 import typer
 
 from lapwing.base import estimates, exit_codes, signals
 from lapwing.base.exit_codes import MEANINGS, ExitCode
 from lapwing.base.registry import STUDIES
 from lapwing.console import version_line
+
+if TYPE_CHECKING:
+    from lapwing.deck.deck import Deck
+    from lapwing.progress import Lines
 
 OK, FAILED, BAD_INPUT, SURROUNDINGS, INTERRUPTED = (
     ExitCode.GOOD, ExitCode.FAILED, ExitCode.BAD_INPUT, ExitCode.SURROUNDINGS,
@@ -59,7 +66,7 @@ Settings = Annotated[list[str], typer.Option(
 
 @app.callback(invoke_without_command=True)
 def main_options(version: Annotated[bool, typer.Option(
-        "--version", help="print the version and how the engine was built")] = False):
+        "--version", help="print the version and how the engine was built")] = False) -> None:
     """Options without a command."""
     if version:
         print(version_line())
@@ -139,7 +146,7 @@ def check(decks: Decks, setting: Settings = [],  # noqa: B006
 
 @app.command()
 def new(file: Annotated[Path | None, typer.Argument(
-        metavar="[FILE]", help="deck to write; without it the deck is printed")] = None):
+        metavar="[FILE]", help="deck to write; without it the deck is printed")] = None) -> None:
     """Write a commented deck to start from.
 
     \b
@@ -169,9 +176,12 @@ def new(file: Annotated[Path | None, typer.Argument(
 
 
 @app.command()
-def plot(files: Annotated[list[Path], typer.Argument(metavar="RESULT.nc...", help="result files")],
-         out: Annotated[Path | None, typer.Option(
-             metavar="DIR", help="folder for the figures; default: beside the file")] = None):
+def plot(
+        files: Annotated[list[Path], typer.Argument(
+            metavar="RESULT.nc...", help="result files")],
+        out: Annotated[Path | None, typer.Option(
+            metavar="DIR", help="folder for the figures; default: beside the file")] = None,
+) -> None:
     """Draw every figure of result files again, from the files alone.
 
     \b
@@ -207,13 +217,13 @@ def plot(files: Annotated[list[Path], typer.Argument(metavar="RESULT.nc...", hel
     raise typer.Exit(code)
 
 
-def _studies(deck):
+def _studies(deck: Deck) -> str:
     """How much there is to do."""
     counts = ((len(deck.studies[study.kind]), study.words) for study in STUDIES.values())
     return ", ".join(f"{n} {word}{'s' if n != 1 else ''}" for n, word in counts)
 
 
-def _derived(deck):
+def _derived(deck: Deck) -> str:
     """Numbers in which a slip of a unit shows."""
     pair = deck.gear_pair
     hertz = pair.natural_frequency / (2 * math.pi)
@@ -228,7 +238,7 @@ def _derived(deck):
     return text
 
 
-def _refuse_equal_stems(decks):
+def _refuse_equal_stems(decks: list[Path]) -> None:
     """Two decks of one stem would write into one folder."""
     seen = {}
     for deck in decks:
@@ -239,7 +249,7 @@ def _refuse_equal_stems(decks):
         seen[deck.stem] = deck
 
 
-def _load(paths, settings):
+def _load(paths: list[Path], settings: list[str]) -> tuple[list[Deck], ExitCode]:
     """Decks that are good, and the exit code of those that are not."""
     from lapwing.deck import DeckError, load_deck
 
@@ -268,7 +278,7 @@ def _load(paths, settings):
     return loaded, code
 
 
-def _each(decks, settings, carry_out):
+def _each(decks: list[Path], settings: list[str], carry_out: Callable[..., Any]) -> ExitCode:
     """Carry out one deck after the other until a signal; the worst exit code."""
     loaded, code = _load(decks, settings)
     for deck in loaded:
@@ -279,7 +289,7 @@ def _each(decks, settings, carry_out):
     return code
 
 
-def _refused(error, prefix="", path=None):
+def _refused(error: Any, prefix: str = "", path: Path | None = None) -> ExitCode:
     """Say in one line what the surroundings refuse; the exit code. Other errors go on."""
     if not exit_codes.is_of_surroundings(error):
         raise error
@@ -287,7 +297,8 @@ def _refused(error, prefix="", path=None):
     return exit_codes.of_error(error)
 
 
-def _run(deck, out, threads, force, progress, figures):
+def _run(deck: Deck, out: Path, threads: int, force: bool, progress: Lines,
+         figures: str) -> ExitCode:
     """Run one deck and report; returns its exit code."""
     from lapwing.results.store import StoreError
     from lapwing.run import run_deck
@@ -328,7 +339,7 @@ def _run(deck, out, threads, force, progress, figures):
     return FAILED if outcome.failed or outcome.undrawn else OK
 
 
-def _critical(deck, threads, progress):
+def _critical(deck: Deck, threads: int, progress: Lines) -> ExitCode:
     """Search and print the critical values of one deck; returns its exit code."""
     from lapwing.report.answers.findings import findings
     from lapwing.report.critical import critical_table, critical_text
@@ -355,7 +366,7 @@ def _critical(deck, threads, progress):
     return FAILED if failed else OK
 
 
-def _say_findings(found):
+def _say_findings(found: Any) -> None:
     """The findings, ahead of everything else."""
     from lapwing.report.answers.findings import on_console
 
@@ -363,7 +374,7 @@ def _say_findings(found):
         print(on_console(found))
 
 
-def _telling(title, what):
+def _telling(title: Any, what: str) -> Lines:
     """What tells how far a deck is: bars on a terminal, else a line at once and one a minute."""
     from lapwing.progress import Bars, Lines
 
@@ -373,7 +384,7 @@ def _telling(title, what):
     return progress
 
 
-def _complain(text):
+def _complain(text: str) -> None:
     print(text, file=sys.stderr)
 
 
@@ -384,7 +395,7 @@ if find_spec("lapwing_bench"):
     app.command()(bench)
 
 
-def called():
+def called() -> Any:
     """Carry out the command line; the exit code."""
     try:
         code = int(app(standalone_mode=False) or 0)

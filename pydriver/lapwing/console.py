@@ -27,7 +27,7 @@ class Outlet(io.RawIOBase):
     lost : OSError or None, the first error
     """
 
-    def __init__(self, descriptor: int):
+    def __init__(self, descriptor: int) -> None:
         self._descriptor, self.lost = descriptor, None
 
     def write(self, data: bytes) -> int:

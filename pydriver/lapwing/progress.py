@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import TextIO
+from typing import Any, TextIO
 
 PATIENCE = 1.0
 # Seconds between two lines of a log.
@@ -32,12 +32,12 @@ class _Study:
 class _Teller:
     """What knows the study under way, and looks at it every `PATIENCE` seconds until closed."""
 
-    def __init__(self, clock: Callable[[], float]):
+    def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
-        self._study = None
+        self._study: _Study | None = None
         self._lock = threading.RLock()
         self._closed = threading.Event()
-        self._watch = None
+        self._watch: threading.Thread | None = None
 
     def study(self, label: str, total: int, unit: str) -> Callable[[float], None]:
         """Begin a study of `total` units, the one before being done.
@@ -72,16 +72,16 @@ class _Teller:
             if self._study is not None and not self._closed.is_set():
                 self._tell(self._study)
 
-    def _keep_looking(self):
+    def _keep_looking(self) -> None:
         # What the surroundings refuse (memory, a thread for the display) ends the telling alone.
         with suppress(OSError, MemoryError, RuntimeError):
             while not self._closed.wait(PATIENCE):
                 self.look()
 
-    def _ended(self):
+    def _ended(self) -> None:
         """The study under way is done."""
 
-    def _tell(self, study):
+    def _tell(self, study: Any) -> None:
         raise NotImplementedError
 
 
@@ -95,7 +95,8 @@ class Lines(_Teller):
     clock : callable giving seconds
     """
 
-    def __init__(self, title: str, stream: TextIO, clock: Callable[[], float] = time.monotonic):
+    def __init__(self, title: str, stream: TextIO,
+                 clock: Callable[[], float] = time.monotonic) -> None:
         super().__init__(clock)
         self._title, self._stream = title, stream
         self._last = clock()
@@ -107,7 +108,7 @@ class Lines(_Teller):
             self._stream.write(f"{self._title}: {text}\n")
             self._stream.flush()
 
-    def _tell(self, study):
+    def _tell(self, study: _Study) -> None:
         if self._clock() - self._last >= MINUTE:
             self.say(f"{study.label}: {100 * study.fraction:.0f} %" + (
                 f" of {study.total} {study.unit}" if study.unit != "%" else ""))
@@ -116,11 +117,11 @@ class Lines(_Teller):
 class Bars(_Teller):
     """Bars with rate and time left on standard error; a study shows after `PATIENCE` seconds."""
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic):
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         super().__init__(clock)
-        self._display = None
+        self._display: Any = None
 
-    def close(self):
+    def close(self) -> None:
         """Leave the display."""
         with self._lock:
             super().close()
@@ -128,18 +129,18 @@ class Bars(_Teller):
                 self._display.stop()
                 self._display = None
 
-    def _ended(self):
+    def _ended(self) -> None:
         if self._study is not None and self._study.task is not None:
             self._display.update(self._study.task, completed=self._study.total)
 
-    def _tell(self, study):
+    def _tell(self, study: _Study) -> None:
         if study.task is None:
             if study.fraction >= 1 or self._clock() - study.begun < PATIENCE:
                 return
             study.task = self._start().add_task(study.label, total=study.total, unit=study.unit)
         self._display.update(study.task, completed=study.fraction * study.total)
 
-    def _start(self):
+    def _start(self) -> Any:
         if self._display is None:
             from rich import progress
             from rich.console import Console
@@ -148,7 +149,7 @@ class Bars(_Teller):
             class Rate(progress.ProgressColumn):
                 """Units per second."""
 
-                def render(self, task):
+                def render(self, task: Any) -> Any:
                     speed = task.finished_speed or task.speed
                     text = "" if speed is None else f"{speed:.3g} {task.fields['unit']}/s"
                     return Text(text, style="dim")

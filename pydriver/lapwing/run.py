@@ -10,6 +10,7 @@ import errno
 import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from lapwing import __version__
 from lapwing.base import estimates
@@ -30,6 +31,14 @@ from lapwing.results.store import (
     probe,
     recover,
 )
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from lapwing.deck.deck import Deck
+    from lapwing.plots.crew import Crew
+    from lapwing.results.file import Results
+    from lapwing.studies.of_deck import Found
 
 RESULT_FILE = "result.nc"
 USED_DECK = "used.nml"
@@ -89,12 +98,13 @@ class _There:
     known: tuple = ()
 
     @property
-    def complete(self):
+    def complete(self) -> bool:
         """Whether there are results that lack nothing, as far as anybody knows."""
         return self.manifest.state == COMPLETE if self.manifest else bool(self.known)
 
 
-def run_deck(deck, parent, *, threads, force=False, progress=None, figures="all"):
+def run_deck(deck: Deck, parent: Path, *, threads: int, force: bool = False, progress: Any = None,
+             figures: str = "all") -> Outcome:
     """Run a deck into `parent`/<deck>.
 
     1. Take the folder's lock; clear what a run that was killed left beside it.
@@ -136,7 +146,7 @@ def run_deck(deck, parent, *, threads, force=False, progress=None, figures="all"
         return _Run(deck, folder, there, threads, progress, FIGURES[figures]).carry_out(force)
 
 
-def folder_of(stem, parent):
+def folder_of(stem: str, parent: Path) -> Path:
     """Folder of a deck's results.
 
     Raises
@@ -157,7 +167,7 @@ def folder_of(stem, parent):
     return folder.resolve() if folder.is_symlink() else folder
 
 
-def _inspect(folder):
+def _inspect(folder: Path) -> _There:
     """What lies in the folder; files that no run wrote are refused."""
     if not folder.exists():
         return _There(None, None)
@@ -178,7 +188,7 @@ def _inspect(folder):
     return _There(None, inputs, FILES + _figure_names(result))
 
 
-def _stored_inputs(result):
+def _stored_inputs(result: Path) -> str | None:
     """Hash of the values in a result file that can be read, or None."""
     from lapwing.results import read_results
 
@@ -187,7 +197,7 @@ def _stored_inputs(result):
     return None
 
 
-def _figure_names(result):
+def _figure_names(result: Path) -> tuple[str, str, str, str]:
     """Names of the figures that belong to a result file, as far as it can be read."""
     from lapwing.results import read_results
 
@@ -197,14 +207,14 @@ def _figure_names(result):
     return ()
 
 
-def _figures_of(results):
+def _figures_of(results: Results) -> tuple[str, ...]:
     """Names of the figures of an open result file."""
     from lapwing.plots import FORMATS, tasks_of
 
     return tuple(f"{task.stem}.{suffix}" for task in tasks_of(results) for suffix in FORMATS)
 
 
-def _refuse_others(deck, folder, there, force):
+def _refuse_others(deck: Deck, folder: Path, there: _There, force: bool) -> None:
     """Refuse to replace results of other values, or of another version, without `force`."""
     if force or there.inputs is None:
         return
@@ -226,7 +236,8 @@ def _refuse_others(deck, folder, there, force):
 class _Run:
     """One deck under way, its folder locked."""
 
-    def __init__(self, deck, folder, there, threads, progress, formats):
+    def __init__(self, deck: Deck, folder: Path, there: _There, threads: int, progress: Any,
+                 formats: tuple[str, ...]) -> None:
         self.deck, self.folder, self.there, self.threads = deck, folder, there, threads
         self.report = progress.study if progress else (lambda *_: (lambda _: None))
         self.inputs, self.notes = used_hash(deck), []
@@ -238,7 +249,7 @@ class _Run:
         # A verified result file that lacks nothing, and its checksums, where there is one.
         self.whole = None
 
-    def carry_out(self, force):
+    def carry_out(self, force: bool) -> Outcome:
         """Reuse, draw again, or compute; the `Outcome`."""
         from lapwing.plots.crew import Crew
         from lapwing.report.answers.findings import told_in
@@ -252,7 +263,7 @@ class _Run:
             found = compute(self.deck, self.threads, self.report, known)
             return self._publish(found, crew)
 
-    def _known(self):
+    def _known(self) -> dict[tuple[str, str], xr.Dataset] | None:
         """Finished studies that lie there already; None where nothing is left to do."""
         manifest = self.there.manifest
         if manifest is None:
@@ -270,7 +281,7 @@ class _Run:
                 return self._taken_over(self.folder)
         return self._taken_over(self.aside) if self.aside.exists() else {}
 
-    def _taken_over(self, folder):
+    def _taken_over(self, folder: Path) -> dict[tuple[str, str], xr.Dataset]:
         """Studies of a verified result file of the same values, version and engine."""
         from lapwing.results import SCHEMA_VERSION, engine_digest, read_results, stored_studies
         from lapwing.studies.of_deck import is_finished
@@ -296,7 +307,7 @@ class _Run:
                           f"{'study' if len(known) == 1 else 'studies'} taken over")
         return known
 
-    def _publish(self, found, crew):
+    def _publish(self, found: Found, crew: Crew) -> Outcome:
         """Write everything aside and publish it."""
         from lapwing.plots import FORMATS
         from lapwing.report.answers.findings import told_in
@@ -345,7 +356,7 @@ class _Run:
                        refused=refused, findings=told, notes=tuple(self.notes),
                        headlines=headlines(found.studies, missing))
 
-    def _write(self, found, folder):
+    def _write(self, found: Found, folder: Path) -> dict[str, str]:
         """Result file, summary and the deck as used; returns the checksums of the variables."""
         from lapwing.report.summary import summary_text
         from lapwing.results import read_results, write_results
@@ -370,13 +381,13 @@ class _Run:
         done(1.0)
         return variables
 
-    def _warn(self, attrs):
+    def _warn(self, attrs: dict[str, Any]) -> None:
         """Say of measured samples what the summary warns of."""
         from lapwing.report.measured import warnings
 
         self.notes += [f"{self.deck.title}: {text.replace('**', '')}" for text in warnings(attrs)]
 
-    def _draw(self, folder, crew):
+    def _draw(self, folder: Path, crew: Crew) -> tuple[dict[str, str], bool]:
         """Figures, from the file alone; those not drawn, and whether disk or memory is why."""
         from lapwing.plots import FigureError, draw_all
         from lapwing.results import read_results
@@ -395,7 +406,7 @@ class _Run:
         return {}, False
 
 
-def _formats_in(manifest):
+def _formats_in(manifest: Manifest | None) -> tuple[str, ...]:
     """Formats of figures that a manifest lists; of the curve's figure, which all results have."""
     from lapwing.plots import FORMATS, TE_FIGURE
 
@@ -403,7 +414,7 @@ def _formats_in(manifest):
         suffix for suffix in FORMATS if f"{TE_FIGURE}.{suffix}" in manifest.files)
 
 
-def _te_source(deck):
+def _te_source(deck: Deck) -> str | None:
     """Name of the table's file and what was made of it, or None where a formula makes it."""
     from lapwing.report.measured import curve_source
 
@@ -412,7 +423,7 @@ def _te_source(deck):
     return curve_source(Path(name).name, deck.curve, samples and samples[0].size) if name else None
 
 
-def _measured(deck):
+def _measured(deck: Deck) -> tuple[dict[str, Any], dict[str, Any]]:
     """What is stored of measured samples: they, their fit, and how much its high orders decide."""
     from lapwing.results.curve import curve_variables
     from lapwing.studies.critical.measured import high_orders_of
@@ -421,7 +432,7 @@ def _measured(deck):
     return variables, {**attributes, **high_orders_of(deck)}
 
 
-def _read(path):
+def _read(path: Path) -> str:
     """A text file, as far as it can be read."""
     try:
         return path.read_text(encoding="utf-8", errors="replace")
@@ -429,7 +440,8 @@ def _read(path):
         return ""
 
 
-def plot_file(path, folder=None, threads=1, progress=None):
+def plot_file(path: Path, folder: Path | None = None, threads: int = 1,
+              progress: Any = None) -> list[Path]:
     """Draw every figure of a result file, into its own folder unless another is named.
 
     Files that are not the program's own are left as they are (docs/results.md).

@@ -5,9 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from lapwing.base.messages import printable
 from lapwing.model.gear_pair import GearPair
+
+if TYPE_CHECKING:
+    from lapwing.model.curve.fit import CurveFit
+    from lapwing.model.oscillator import Oscillator
+    from lapwing.model.transmission_error.table import TransmissionError
 
 
 @dataclass(frozen=True)
@@ -27,12 +33,12 @@ class Asked:
     """
 
     kind: str
-    keys: object
-    operation: dict
+    keys: Any
+    operation: dict[str, Any]
     rtol: float
-    resolved: dict
+    resolved: dict[str, Any]
 
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> Any:
         if name.startswith("__") or name in ("resolved", "keys"):
             raise AttributeError(name)
         return self.resolved[name] if name in self.resolved else getattr(self.keys, name)
@@ -60,56 +66,57 @@ class Deck:
 
     path: Path
     text: str
-    overrides: tuple
-    warnings: tuple
-    settings: dict
-    te_table: object
+    overrides: tuple[tuple[str, str], ...]
+    warnings: tuple[Any, ...]
+    settings: dict[str, Any]
+    te_table: Any
     gear_pair: GearPair
-    operation: dict
-    numerics: dict
-    studies: dict = field(default_factory=dict)
+    operation: dict[str, Any]
+    numerics: dict[str, Any]
+    studies: dict[str, tuple[Asked, ...]] = field(default_factory=dict)
 
     @property
-    def responses(self):
+    def responses(self) -> tuple[Asked, ...]:
         """Trajectories to examine closely."""
         return self.studies.get("response", ())
 
     @property
-    def sweeps(self):
+    def sweeps(self) -> tuple[Asked, ...]:
         """Parameters to run over a range."""
         return self.studies.get("sweep", ())
 
     @property
-    def criticals(self):
+    def criticals(self) -> tuple[Asked, ...]:
         """Critical values to find."""
         return self.studies.get("critical", ())
 
     @property
-    def stem(self):
+    def stem(self) -> str:
         """File name without its ending."""
         return self.path.stem
 
     @property
-    def title(self):
+    def title(self) -> str:
         """The stem as text: what is no UTF-8 in it is written as an escape."""
         return printable(self.stem)
 
     @cached_property
-    def te(self):
+    def te(self) -> TransmissionError:
         """The `TransmissionError`, built (and SciPy imported) at the first use."""
-        return self.curve.te if self.curve else self.te_table.build()
+        te: TransmissionError = self.curve.te if self.curve else self.te_table.build()
+        return te
 
     @cached_property
-    def curve(self):
+    def curve(self) -> CurveFit | None:
         """The `CurveFit` of measured samples, or None where none is asked for."""
         return self.te_table.curve() if self.te_table.fit else None
 
-    def numerics_of(self, study):
+    def numerics_of(self, study: Asked) -> dict[str, Any]:
         """Keyword arguments rtol … max_steps_per_cycle that `simulate` and `sweep` share."""
         names = ("method", "chatter_tol", "count_depth", "max_events_per_cycle",
                  "max_steps_per_cycle")
         return {"rtol": study.rtol, **{name: self.numerics[name] for name in names}}
 
-    def oscillator(self, response):
+    def oscillator(self, response: Asked) -> Oscillator:
         """The `Oscillator` of a response."""
         return self.gear_pair.oscillator(self.te, **response.operation)

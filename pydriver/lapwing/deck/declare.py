@@ -5,14 +5,18 @@ Validation, the template, the reference page and `used.nml` are all made from th
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field
+
+if TYPE_CHECKING:
+    from lapwing.deck.deck import Asked
 
 BIG = 2**31 - 2
 
 
-def key(default=..., text="", unit="", example=None, **limits):
+def key(default: Any = ..., text: str = "", unit: str = "", example: Any = None,
+        **limits: Any) -> Any:
     """A deck key: its default (`...`: required), meaning, unit, example value and limits."""
     extra = {"unit": unit, "example": example}
     return Field(default, description=text, json_schema_extra=extra, **limits)
@@ -26,7 +30,7 @@ class Group(BaseModel):
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
     title: ClassVar[str] = ""
-    exclusive: ClassVar[tuple] = ()
+    exclusive: ClassVar[tuple[Any, ...]] = ()
     needed: ClassVar[bool] = True
     repeatable: ClassVar[bool] = False
 
@@ -83,9 +87,9 @@ class StudyKeys(Group):
     # Tolerance where neither the study nor &numerics names one.
     default_rtol: ClassVar[float] = 1e-6
     # Optional keys that the template gives a value.
-    chosen: ClassVar[tuple] = ()
+    chosen: ClassVar[tuple[str, ...]] = ()
 
-    def build(self, builder, reader):
+    def build(self, builder: Any, reader: Any) -> Asked | None:
         """The study as `deck.Asked`, or None; what is wrong goes to `builder.report`.
 
         Parameters
@@ -95,25 +99,25 @@ class StudyKeys(Group):
         """
         raise NotImplementedError
 
-    def used(self, asked):
+    def used(self, asked: Asked) -> dict[str, Any]:
         """Key -> value as used, None where a key has none."""
         own = {"rtol": asked.rtol} if "rtol" in type(self).model_fields else {}
         return self.model_dump(by_alias=True) | own
 
-    def canonical(self, values, asked):
+    def canonical(self, values: dict[str, Any], asked: Asked) -> dict[str, Any]:
         """Values used, spelled the same however the deck gave them."""
         return values
 
-    def memory(self, asked):
+    def memory(self, asked: Asked) -> tuple[int, str] | None:
         """Bytes it takes at least, and the keys to lower where there are fewer; None: few."""
         return None
 
-    def disk(self, asked):
+    def disk(self, asked: Asked) -> tuple[int, int]:
         """Bytes of its tables in the result file, and how many figures it has at least."""
         return 0, 0
 
 
-def fields(group):
+def fields(group: Any) -> dict[str, Any]:
     """Key -> field of a group by the deck's spelling; what names a study stands first."""
     first = (name for name in ("name", "find", "parameter") if name in group.model_fields)
     order = [*first, *group.model_fields]
@@ -133,7 +137,7 @@ class KeyType:
     unit : str
     """
 
-    def __init__(self, field):
+    def __init__(self, field: Any) -> None:
         annotation, metadata = field.annotation, list(field.metadata)
         parts = [part for part in get_args(annotation) if part is not type(None)]
         if type(None) in get_args(annotation):
@@ -150,7 +154,7 @@ class KeyType:
         self.unit = (field.json_schema_extra or {}).get("unit", "")
 
     @property
-    def range(self):
+    def range(self) -> str:
         """Limits in words, such as `> 0` or `from 0 to 1`."""
         (low, above), (high, below) = (
             next(((self._spell(self.limits[name]), name == strict) for name in (strict, other)
@@ -161,11 +165,11 @@ class KeyType:
         return (f"above {low}" if above else f"from {low}") + (
             f" and below {high}" if below else f" to {high}")
 
-    def _spell(self, limit):
+    def _spell(self, limit: float) -> str:
         return str(limit) if self.kind is int else f"{limit:g}"
 
     @property
-    def expected(self):
+    def expected(self) -> str:
         """What a value of this key must be, to follow `key = value, expected `."""
         each = "each " if self.is_list else ""
         if self.choices:
@@ -179,7 +183,7 @@ class KeyType:
         return f"{each}{what} {self.range}".rstrip() + unit
 
 
-def _limits(metadata):
+def _limits(metadata: list[Any]) -> dict[str, float]:
     """Limits among the metadata of a field; pydantic may pack several into one object."""
     limits = {}
     for item in metadata:

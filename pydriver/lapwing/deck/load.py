@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
@@ -22,11 +24,15 @@ from lapwing.deck.values import (
     thousands,
 )
 
+if TYPE_CHECKING:
+    from lapwing.deck.deck import Deck
+    from lapwing.deck.declare import KeyType
+
 # Tokens that no value consists of.
 _NO_VALUE = ("OPEN", "CLOSE", "KEY", "EQUALS", "HASH")
 
 
-def load_deck(path, overrides=()):
+def load_deck(path: Any, overrides: Any = ()) -> Deck:
     """Read and check a deck.
 
     Parameters
@@ -52,15 +58,17 @@ def load_deck(path, overrides=()):
     for name, value in overrides:
         _override(groups, name, value, report)
     read = [_GroupReader(group, report) for group in groups]
-    deck = checks.assemble(Path(path), text, tuple(map(tuple, overrides)), read, report)
-    if report.refusals:
+    given = tuple((name, value) for name, value in overrides)
+    deck = checks.assemble(Path(path), text, given, read, report)
+    if report.refusals or deck is None:
         raise DeckError(report.errors)
     return deck
 
 
-def _known_groups(groups, report):
+def _known_groups(groups: list[Group], report: Report) -> list[Group]:
     """Groups the schema knows, a model group once."""
-    known, seen = [], {}
+    known: list[Group] = []
+    seen: dict[str, int] = {}
     for group in groups:
         if group.name not in schema.GROUPS:
             report.add(group.place,
@@ -74,7 +82,7 @@ def _known_groups(groups, report):
     return known
 
 
-def _override(groups, name, value, report):
+def _override(groups: list[Group], name: str, value: str, report: Report) -> None:
     """Put one override into its group."""
     source = f"--set {name}={value}"
     source = source if source.isprintable() else ascii(source)
@@ -102,7 +110,8 @@ def _override(groups, name, value, report):
     group.entries[key] = Entry(key, place, words, override=value)
 
 
-def _overridden(groups, name, study, place, report):
+def _overridden(groups: list[Group], name: str, study: str, place: Place,
+                report: Report) -> Group | None:
     """The group that an override means; a model group is made where the deck has none."""
     candidates = [group for group in groups if group.name == name]
     if name not in schema.STUDIES:
@@ -121,7 +130,7 @@ def _overridden(groups, name, study, place, report):
     return None
 
 
-def _name_of(group):
+def _name_of(group: Group) -> str:
     entry = group.entries.get("name")
     return entry.words[0].text[1:-1].lower() if entry and entry.words else ""
 
@@ -138,10 +147,13 @@ class _GroupReader:
     keys : model instance of the schema, or None where something is refused
     """
 
-    def __init__(self, group, report):
+    def __init__(self, group: Group, report: Report) -> None:
         self.name, self.place = group.name, group.place
-        self.places, self.key_places, self.overridden = {}, {}, {}
-        self._report, self._values = report, {}
+        self.places: dict[str, Place] = {}
+        self.key_places: dict[str, Place] = {}
+        self.overridden: dict[str, str] = {}
+        self._report = report
+        self._values: dict[str, list[Value]] = {}
         model = schema.GROUPS[group.name]
         self._fields = schema.fields(model)
         self._types = {key: schema.KeyType(field) for key, field in self._fields.items()}
@@ -153,7 +165,7 @@ class _GroupReader:
         if report.refusals > known:
             self.keys = None
 
-    def _read(self, entry):
+    def _read(self, entry: Entry) -> Iterator[tuple[str, Any]]:
         """At most one (key, raw value) for the schema."""
         self.key_places[entry.key] = self.places[entry.key] = entry.place
         if entry.override is not None:
@@ -181,7 +193,7 @@ class _GroupReader:
         else:
             self._refuse_several(entry.key, values, kind)
 
-    def _refuse_several(self, key, values, kind):
+    def _refuse_several(self, key: str, values: list[Value], kind: KeyType) -> None:
         source = ", ".join(cut(value.text) for value in values[:4])
         numeric = kind.kind in (float, int)
         place, whole = values[0].place, thousands(values) if numeric else None
@@ -199,7 +211,7 @@ class _GroupReader:
                     + f"; {hints.of_parameters(',')}" * (key == "parameter"))
         self._report.add(place, text)
 
-    def _warn_of_commas(self, key, values, kind):
+    def _warn_of_commas(self, key: str, values: list[Value], kind: KeyType) -> None:
         if kind.kind is not float:
             return
         for first, second in suspicious_pairs(values):
@@ -209,7 +221,7 @@ class _GroupReader:
                              f"meant, write {first.text}.{second.text}"
                              + f", if thousands, {whole}" * bool(whole), warning=True)
 
-    def _check_exclusive(self, model):
+    def _check_exclusive(self, model: Any) -> None:
         for names in model.exclusive:
             given = [key for key in names if key in self.places]
             if len(given) > 1:
@@ -223,7 +235,7 @@ class _GroupReader:
             elif model.needed and not any(map(self.mentioned, names)):
                 self._report.add(self.place, f"&{self.name} lacks one of {', '.join(names)}")
 
-    def mentioned(self, key):
+    def mentioned(self, key: str) -> bool:
         """Whether a key is given, or meant by something that is refused already."""
         unknown = [name for name in self.key_places if name not in self._fields]
         stray = [value.text.lower() for values in self._values.values() for value in values
@@ -232,7 +244,7 @@ class _GroupReader:
             name.startswith(key) or nearest(name, self._fields) == f"did you mean {key!r}?"
             for name in unknown)
 
-    def _validate(self, model, raw):
+    def _validate(self, model: Any, raw: dict[str, Any]) -> Any:
         try:
             return model.model_validate(raw)
         except ValidationError as error:
@@ -241,7 +253,7 @@ class _GroupReader:
                 self._translate(item)
             return None
 
-    def _translate(self, item):
+    def _translate(self, item: Any) -> None:
         """One refusal of the schema in the deck's words, at the value refused."""
         key = item["loc"][0]
         if item["type"] == "missing":
@@ -264,18 +276,18 @@ class _GroupReader:
             wrong = _text_limits(value.value, self._fields[key])
         self._report.add(value.place, f"{key} = {cut(value.text, 60)}, {wrong}")
 
-    def _longest(self, key):
+    def _longest(self, key: Any) -> Any:
         return next(n.max_length for n in self._fields[key].metadata if hasattr(n, "max_length"))
 
 
-def _quoted(value, kind):
+def _quoted(value: Value, kind: KeyType) -> Value:
     """An override may leave out the quotes, which a shell takes away."""
     if kind.kind is str and not isinstance(value.value, str) and value.remark.find("quote") < 0:
         return Value(value.text, repr(value.text), value.place, value.start, value.end)
     return value
 
 
-def _remark(value, kind):
+def _remark(value: Value, kind: KeyType) -> str:
     """A guess at what was meant."""
     if hints.of_quotes(value.text):
         return hints.of_quotes(value.text)
@@ -292,7 +304,7 @@ def _remark(value, kind):
     return ""
 
 
-def _after_number(number, rest, kind):
+def _after_number(number: str, rest: str, kind: KeyType) -> str:
     """What to write for `9 kN`: only where the text is the key's own unit does the number stand."""
     if kind.unit and rest.strip() == kind.unit:
         return f"text after a number; the unit is fixed ({kind.unit}), write {cut(number)} alone"
@@ -302,7 +314,7 @@ def _after_number(number, rest, kind):
     return f"text after a number; give the value in {unit}, without a unit"
 
 
-def _text_limits(text, field):
+def _text_limits(text: str, field: Any) -> str:
     """What is wrong with a text that the schema refuses."""
     limits = {name: getattr(item, name) for item in field.metadata
               for name in ("max_length", "pattern") if getattr(item, name, None)}

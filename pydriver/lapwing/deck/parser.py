@@ -6,11 +6,11 @@ import re
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from lapwing.base.messages import cut
 from lapwing.base.text_file import TextFileError, read_text
-from lapwing.deck.problems import Place
+from lapwing.deck.problems import Place, Report
 from lapwing.deck.values import MAX_LIST
 
 MAX_BYTES = 4_000_000
@@ -52,14 +52,14 @@ class Group:
 
 
 @cache
-def _parser():
+def _parser() -> Any:
     from lark import Lark
 
     grammar = Path(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
     return Lark(grammar, parser="lalr", lexer="basic", maybe_placeholders=False)
 
 
-def read_deck(path, report):
+def read_deck(path: Any, report: Report) -> str | None:
     """Text of a deck file; None where it has none, or one too large to be parsed."""
     try:
         text = read_text(path, MAX_BYTES, "no deck needs more")
@@ -78,7 +78,7 @@ def read_deck(path, report):
     return None
 
 
-def excess_of(text):
+def excess_of(text: str) -> tuple[int, str] | None:
     """(position, what is wrong) where a text passes a limit, else None; parsing costs more."""
     counts = dict.fromkeys(MAX_COUNTS, 0)
     in_list = 0
@@ -95,7 +95,7 @@ def excess_of(text):
     return None
 
 
-def parse(text, file, report):
+def parse(text: str, file: str, report: Report) -> list[Group]:
     """Groups of a deck in order; syntax problems go to `report`."""
     groups, origin = [], Place(file)
     tree = _parser().parse(text)
@@ -113,22 +113,23 @@ def parse(text, file, report):
     return [group for group, _ in groups]
 
 
-def lex_value(text, file):
+def lex_value(text: str, file: str) -> list[Word]:
     """Words of a value given outside a file, all at the place of the override itself."""
     return [Word(word.kind, word.text, Place(file), word.start, word.end)
             for token in _parser().lex(text.replace("\r", "\n")) for word in _words(token, file)]
 
 
-def _word(token, file):
+def _word(token: Any, file: str) -> Word:
     place = Place(file, token.line, token.column)
     return Word(token.type, str(token), place, token.start_pos, token.end_pos)
 
 
-def _words(token, file):
+def _words(token: Any, file: str) -> list[Word]:
     """The words of a token: itself, or the numbers and commas it is made of."""
     if token.type != "NUMBERS":
         return [_word(token, file)]
-    words, line, before, seen = [], token.line, -token.column, 0
+    words: list[Word] = []
+    line, before, seen = token.line, -token.column, 0
     for found in _NUMBER.finditer(token):
         at, text = found.start(), found[0]
         breaks = token.count("\n", seen, at)
@@ -140,7 +141,7 @@ def _words(token, file):
     return words
 
 
-def _group(tree, file, report):
+def _group(tree: Any, file: str, report: Report) -> tuple[Group, bool]:
     """A group and whether it was closed."""
     head = _word(tree.children[0], file)
     name = _lower(head.text[1:].strip())
@@ -155,13 +156,13 @@ def _group(tree, file, report):
             _entry(child, group, file, report)
         elif child.data == "stray":
             for word in _words(child.children[0], file):
-                _refuse_hash(word, report) or report.add(
-                    word.place, f"{cut(word.text)} is no `key = value`")
+                if not _refuse_hash(word, report):
+                    report.add(word.place, f"{cut(word.text)} is no `key = value`")
     _outside(tree, file, report, True)
     return group, closed
 
 
-def _entry(tree, group, file, report):
+def _entry(tree: Any, group: Group, file: str, report: Report) -> None:
     key = _word(tree.children[0], file)
     words = [word for item in tree.children[2:] for word in _words(item.children[0], file)]
     name = _lower(key.text)
@@ -173,7 +174,7 @@ def _entry(tree, group, file, report):
     group.entries[name] = Entry(name, key.place, words)
 
 
-def _outside(tree, file, report, after_group):
+def _outside(tree: Any, file: str, report: Report, after_group: bool) -> None:
     """Report each run of text between groups once."""
     words = [word for child in tree.children if getattr(child, "data", "") == "outside"
              for word in _words(child.children[0], file)]
@@ -184,13 +185,13 @@ def _outside(tree, file, report, after_group):
         report.add(words[0].place, f"{cut(words[0].text)} stands outside any group{hint}")
 
 
-def _refuse_hash(word, report):
+def _refuse_hash(word: Word, report: Report) -> bool:
     """Whether a word is a `#` comment; reports it."""
     if word.kind == "HASH":
         report.add(word.place, "# begins no comment in a deck; ! does")
     return word.kind == "HASH"
 
 
-def _lower(name):
+def _lower(name: str) -> str:
     """Lower case of a name; letters beyond ASCII stay, as some have an ASCII letter below."""
     return name.lower() if name.isascii() else name

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from lapwing.base.messages import bounded, cut, cut_words
 
@@ -35,7 +36,7 @@ class Problem:
     text: str
     warning: bool = False
 
-    def __str__(self):
+    def __str__(self) -> str:
         numbers = [str(n) for n in (self.line, self.column) if n]
         return ":".join([self.file, *numbers]) + f": {'warning: ' * self.warning}{self.text}"
 
@@ -48,7 +49,7 @@ class DeckError(ValueError):
     problems : tuple of Problem, in the order of the deck
     """
 
-    def __init__(self, problems):
+    def __init__(self, problems: tuple[Problem, ...]) -> None:
         self.problems = tuple(problems)
         super().__init__("\n".join(map(str, self.problems)))
 
@@ -61,36 +62,36 @@ class Report:
     refusals : int, how many of the problems, warnings aside, are there so far
     """
 
-    def __init__(self):
-        self._found = {}
+    def __init__(self) -> None:
+        self._found: dict[Problem, None] = {}
         self.refusals = 0
 
-    def add(self, place, text, warning=False):
+    def add(self, place: Place, text: str, warning: bool = False) -> None:
         """Note a problem at a `Place`."""
         problem = Problem(place.file, place.line, place.column, cut_words(text), warning)
         self.refusals += not warning and problem not in self._found
         self._found[problem] = None
 
     @property
-    def errors(self):
+    def errors(self) -> tuple[Problem, ...]:
         """What makes the deck refused, in order of file and position; no more than a page."""
         return _ordered(p for p in self._found if not p.warning)
 
     @property
-    def warnings(self):
+    def warnings(self) -> tuple[Problem, ...]:
         """What the user must know although the deck is accepted."""
         return _ordered(p for p in self._found if p.warning)
 
 
-def _ordered(problems):
-    problems = list(problems)
+def _ordered(unordered: Iterable[Problem]) -> tuple[Problem, ...]:
+    problems = list(unordered)
     files = list(dict.fromkeys(p.file for p in problems))
     rank = {file: i for i, file in enumerate(files)}
     problems.sort(key=lambda p: (rank[p.file], p.line, p.column))
     return tuple(bounded(problems, lambda p: p.text, lambda p, text: replace(p, text=text)))
 
 
-def nearest(name, known):
+def nearest(name: str, known: Any) -> str:
     """`did you mean 'x'?` for the most similar known name, else all of them."""
     guess = difflib.get_close_matches(cut(name, 100).lower(), known, 1, cutoff=0.6)
     if guess:

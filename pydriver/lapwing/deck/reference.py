@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 from lapwing.deck import schema
 from lapwing.deck.used import spell
@@ -14,7 +15,7 @@ from lapwing.deck.used import spell
 _TYPES = {int: "whole number", float: "number", bool: "logical", str: "text"}
 
 
-def reference_page():
+def reference_page() -> str:
     """The whole page, Markdown."""
     page = Path(__file__).with_name("page.md").read_text(encoding="utf-8")
     tables = "\n".join(_section(name, group) for name, group in schema.GROUPS.items())
@@ -22,7 +23,7 @@ def reference_page():
     return page.replace("<!-- tables -->\n", tables).replace("<!-- swept -->", swept)
 
 
-def _section(name, group):
+def _section(name: str, group: Any) -> str:
     how = "any number of times" if group.repeatable else \
         "required" if name in schema.REQUIRED else "once or not at all"
     lines = [f"### &{name}", "", f"{group.title[0].upper()}{group.title[1:]}. ({how})", ""]
@@ -34,7 +35,7 @@ def _section(name, group):
     return "\n".join(lines) + "\n"
 
 
-def _row(group, key, field):
+def _row(group: Any, key: str, field: Any) -> str:
     kind = schema.KeyType(field)
     allowed = ", ".join(f"`'{choice}'`" for choice in kind.choices) or kind.range
     if field.is_required():
@@ -49,5 +50,6 @@ def _row(group, key, field):
 
 
 if __name__ == "__main__":
-    sys.stdout.reconfigure(encoding="utf-8", newline="\n")
+    sys.stdout.reconfigure(  # type: ignore[union-attr]
+        encoding="utf-8", newline="\n")
     sys.stdout.write(reference_page())

@@ -133,7 +133,7 @@ STUDIES = tuple(REGISTERED)
 REQUIRED = ("gear_pair", "transmission_error")
 
 
-def numeric_parameters():
+def numeric_parameters() -> dict[str, str]:
     """`group`, key of every real number that a sweep may vary."""
     return {name: group for group in ("gear_pair", "operation")
             for name, field in fields(GROUPS[group]).items() if KeyType(field).kind is float}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from typing import Any
 
 from lapwing.deck import schema
 from lapwing.deck.used import spell
@@ -20,7 +21,7 @@ _EXAMPLES = {"count": [70]}
 _COLUMN, _WIDTH = 36, 60
 
 
-def template_text():
+def template_text() -> str:
     """A commented deck that loads as it stands."""
     parts = [_HEAD]
     for group, model in schema.GROUPS.items():
@@ -38,12 +39,12 @@ def template_text():
     return "".join(parts)
 
 
-def _chosen(group):
-    model = schema.GROUPS[group]
+def _chosen(group: str) -> Any:
+    model: Any = schema.GROUPS[group]
     return model.chosen if group in schema.STUDIES else _CHOSEN.get(group, ())
 
 
-def _entry(group, name, field):
+def _entry(group: str, name: str, field: Any) -> str:
     kind = schema.KeyType(field)
     example = _EXAMPLES.get(name, (field.json_schema_extra or {}).get("example"))
     value = example if field.is_required() or field.default is None else field.default

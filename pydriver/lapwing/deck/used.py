@@ -6,15 +6,21 @@ import hashlib
 import json
 import os
 import re
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from lapwing.base.messages import cut, printable
 from lapwing.deck import schema
 
+if TYPE_CHECKING:
+    from lapwing.deck.deck import Asked, Deck
+    from lapwing.deck.declare import KeyType
+
 _HASH = re.compile(r"^! hash ([0-9a-f]{64})$", re.MULTILINE)
 
 
-def used_text(deck, folder=None):
+def used_text(deck: Deck, folder: Path | None = None) -> str:
     """Every value a deck leads to, as a deck that reads back to the same values.
 
     Parameters
@@ -43,7 +49,7 @@ def used_text(deck, folder=None):
     return "\n".join(lines) + "\n"
 
 
-def used_hash(deck):
+def used_hash(deck: Deck) -> str:
     """SHA-256 (hex) of the values used: order, comments and spelling do not enter.
 
     The transmission error enters by its numbers, not by the place of its file.
@@ -52,18 +58,18 @@ def used_hash(deck):
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def stored_hash(text):
+def stored_hash(text: str) -> str | None:
     """Hash that a `used_text` states, or None."""
     found = _HASH.search(text)
     return found[1] if found else None
 
 
-def changed_keys(old, new):
+def changed_keys(old: Deck, new: Deck) -> tuple[str, ...]:
     """How two decks differ, one line per key: `operation.brake_torque: 1.0 -> 2.0`."""
-    old, new = canonical(old), canonical(new)
+    was, now = canonical(old), canonical(new)
     lines = []
-    for group in dict.fromkeys([*old, *new]):
-        before, after = old.get(group, {}), new.get(group, {})
+    for group in dict.fromkeys([*was, *now]):
+        before, after = was.get(group, {}), now.get(group, {})
         if not before or not after:
             lines.append(f"{group}: {'added' if after else 'removed'}")
             continue
@@ -74,7 +80,7 @@ def changed_keys(old, new):
     return tuple(lines)
 
 
-def canonical(deck):
+def canonical(deck: Deck) -> dict[str, dict[str, Any]]:
     """Values used as plain numbers and texts, by group (studies: group.name) and key."""
     result = {}
     for group, keys, values in _groups(deck):
@@ -94,13 +100,13 @@ def canonical(deck):
     return dict(sorted(result.items()))
 
 
-def _smoothing(deck):
+def _smoothing(deck: Deck) -> dict[str, bool]:
     """Whether a smoothing spline is fitted, where one is."""
     fit = deck.te_table.fit
     return {"smoothing": True} if fit and fit["harmonics"] is None else {}
 
 
-def _groups(deck):
+def _groups(deck: Deck) -> Iterator[tuple[str, Any, dict[str, Any]]]:
     """(group, keys as given, value of each key as used) in the order of the schema."""
     for group in schema.GROUPS:
         given = deck.settings[group]
@@ -109,18 +115,20 @@ def _groups(deck):
             yield group, keys, _used(deck, group, keys, study)
 
 
-def _used(deck, group, keys, study):
+def _used(deck: Deck, group: str, keys: Any, study: Asked | None) -> dict[str, Any]:
     """Key -> value as used, None where a key has none."""
     if group in schema.STUDIES:
-        return keys.used(study)
-    values = keys.model_dump(by_alias=True)
+        used: dict[str, Any] = keys.used(study)
+        return used
+    values: dict[str, Any] = keys.model_dump(by_alias=True)
     if group == "transmission_error" and keys.harmonic_amplitude is not None:
         values |= {"harmonic_shift": deck.te_table.keys["harmonic_shift"],
                    "harmonic_order": [int(n) for n in deck.te_table.keys["harmonic_order"]]}
     return values
 
 
-def _line(deck, group, keys, name, field, value, folder):
+def _line(deck: Deck, group: str, keys: Any, name: str, field: Any, value: Any,
+          folder: Path | None) -> list[str]:
     """The line of one key: commented out where it has no value."""
     if value is None:
         left_out = (field.description or "").partition("left out: ")[2]
@@ -139,14 +147,14 @@ def _line(deck, group, keys, name, field, value, folder):
     return [f"  {name} = {spell(value, kind)}{mark}"]
 
 
-def _overridden(deck, group, keys, name):
+def _overridden(deck: Deck, group: str, keys: Any, name: str) -> bool:
     named = [f"{group}.{name}"]
     if group in schema.STUDIES:
         named.append(f"{group}.{keys.name}.{name}".lower())
     return any(key.strip().lower() in named for key, _ in deck.overrides)
 
 
-def spell(value, kind):
+def spell(value: Any, kind: KeyType) -> str:
     """A value as a deck spells it; numbers read back to the same bits."""
     if isinstance(value, list | tuple):
         return ", ".join(spell(one, kind) for one in value)
@@ -157,12 +165,12 @@ def spell(value, kind):
     return repr(_plain(value, kind))
 
 
-def _plain(value, kind):
+def _plain(value: Any, kind: KeyType) -> Any:
     """A number as the kind of its key, whatever way it was written; -0.0 is 0.0."""
     if isinstance(value, list | tuple):
         return [_plain(one, kind) for one in value]
     return float(value) + 0.0 if kind.kind is float else value
 
 
-def _brief(value):
+def _brief(value: Any) -> str:
     return cut(repr(value), 60)

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lapwing.base.messages import cut
 from lapwing.base.text_file import REAL, decimal_number
 from lapwing.deck.problems import Place
+
+if TYPE_CHECKING:
+    from lapwing.deck.parser import Entry, Word
+    from lapwing.deck.problems import Report
 
 # A list longer than this is a slip of the keyboard in a repeat count.
 MAX_LIST = 100_000
@@ -34,9 +39,10 @@ class Value(NamedTuple):
     glued: bool = False  # a comma and nothing else stands between this value and the one before
 
 
-def read_values(entry, report):
+def read_values(entry: Entry, report: Report) -> list[Value] | None:
     """Values of an entry, repeat counts written out; None where the syntax is refused already."""
-    values, after_comma, comma_at = [], True, None
+    values: list[Value] = []
+    after_comma, comma_at = True, None
     words = iter(_joined(entry.words))
     for word in words:
         if word.kind == "COMMA":
@@ -60,9 +66,9 @@ def read_values(entry, report):
     return values
 
 
-def _joined(words):
+def _joined(words: list[Word]) -> list[Word]:
     """Words, with `3*` and the quoted text that touches it made one."""
-    result = []
+    result: list[Word] = []
     for word in words:
         last = result[-1] if result else None
         if last and word.kind == "STRING" and last.kind == "WORD" and last.end == word.start \
@@ -74,7 +80,7 @@ def _joined(words):
     return result
 
 
-def _read(word, glued):
+def _read(word: Word, glued: bool) -> tuple[int, Value] | None:
     """(repeat count, Value) of a word, None where the count is not usable."""
     count, text = 1, word.text
     repeat = _REPEAT.fullmatch(text) if word.kind in ("WORD", "REPEATED") else None
@@ -87,7 +93,7 @@ def _read(word, glued):
     return count, Value(value, text, word.place, word.start, word.end, remark, glued)
 
 
-def _convert(text, kind):
+def _convert(text: str, kind: str) -> tuple[Any, str]:
     """Python value and remark of one word."""
     if kind in ("STRING", "REPEATED"):
         quote = text[0]
@@ -104,7 +110,7 @@ def _convert(text, kind):
     return Bare(), decimal_number(text)[1]
 
 
-def _number(text):
+def _number(text: str) -> tuple[float | Bare, str]:
     """Integer or real; what double precision cannot hold is refused, not rounded away."""
     if _INTEGER.fullmatch(text) and len(text) <= 18:
         return int(text), ""
@@ -112,13 +118,13 @@ def _number(text):
     return (Bare() if number is None else number), remark
 
 
-def number_and_rest(text):
+def number_and_rest(text: str) -> tuple[str, str] | None:
     """A word such as `7.0Nm` in its two parts, None where no number begins it."""
     number = REAL.match(text)
     return (number[0], text[number.end():]) if number else None
 
 
-def thousands(values):
+def thousands(values: list[Value]) -> str | None:
     """`9000` where the values read like 9,000 (groups of three digits, no blank), else None."""
     first, *groups = values
     if groups and re.fullmatch(r"[+-]?[1-9][0-9]{0,2}", first.text) \
@@ -127,7 +133,7 @@ def thousands(values):
     return None
 
 
-def decimal_comma(values):
+def decimal_comma(values: list[Value]) -> str | None:
     """`0.5` where two values read like 0,5 (whole number, comma, digits; no blank), else None."""
     first, second = values
     if second.glued and _INTEGER.fullmatch(first.text) and _DIGITS.fullmatch(second.text):
@@ -135,7 +141,7 @@ def decimal_comma(values):
     return None
 
 
-def suspicious_pairs(values):
+def suspicious_pairs(values: list[Value]) -> Iterator[list[Value]]:
     """Pairs in a list that may be decimal commas: glued to each other, to no third value."""
     for i in range(1, len(values)):
         alone = not values[i - 1].glued and not (i + 1 < len(values) and values[i + 1].glued)

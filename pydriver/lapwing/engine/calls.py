@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from lapwing._engine import api
 from lapwing.base.codes import ContactLaw, Gap, ImpactLaw, Method, Status
@@ -29,6 +32,11 @@ from lapwing.engine.records import (
 )
 from lapwing.model.linear_response import response_amplification
 from lapwing.model.oscillator import TE_SIGNS
+
+if TYPE_CHECKING:
+    from lapwing.engine.numerics import Numerics, Wanted
+    from lapwing.model.oscillator import Oscillator
+    from lapwing.model.transmission_error.table import TransmissionError
 
 CALL_SECONDS = 0.4
 # Lines of the log and of the table of cycles that one call has room for. Most runs are short.
@@ -57,12 +65,12 @@ MAX_TERMS = 8
 _FLANKS = WeakKeyDictionary()
 
 
-def _series_is_taken(te):
+def _series_is_taken(te: TransmissionError) -> bool:
     """Whether the closed form takes a transmission error as its series, not as a table."""
     return 0 < len(te.harmonics) <= MAX_TERMS
 
 
-def _flank_argument(te, centred, method=None):
+def _flank_argument(te: TransmissionError, centred: Any, method: Any = None) -> Any:
     """The transmission error as api.f90 takes it, (8, columns): a table or a harmonic series.
 
     Only differences of g matter unless the coast flank stands still; a table is then shifted
@@ -76,7 +84,7 @@ def _flank_argument(te, centred, method=None):
     return made[form, centred]
 
 
-def _made_flank(te, centred, form):
+def _made_flank(te: TransmissionError, centred: Any, form: Any) -> Any:
     if form == "exact":
         flank = np.zeros((8, len(te.harmonics)), order="F")
         flank[:3], flank[7] = te.harmonics.T, -1
@@ -94,7 +102,7 @@ def _made_flank(te, centred, form):
     return flank
 
 
-def method_of(osc, numerics):
+def method_of(osc: Oscillator, numerics: Numerics) -> str:
     """'exact' or 'rk4': how an oscillator is moved under `numerics`.
 
     The closed form of contact is a periodic response plus a free oscillation. Near an undamped
@@ -123,7 +131,7 @@ def method_of(osc, numerics):
                      f"{amplified:.3g}) the closed form loses its digits; take 'rk4'")
 
 
-def common_method(points, numerics):
+def common_method(points: Any, numerics: Numerics) -> str:
     """`method_of` many oscillators moved together: 'rk4' where one of them needs it.
 
     Parameters
@@ -144,7 +152,7 @@ def common_method(points, numerics):
     return "exact"
 
 
-def _real_parameters(points, numerics, method, wanted):
+def _real_parameters(points: Any, numerics: Numerics, method: str, wanted: Wanted) -> list[float]:
     """Real parameters of each point, (n_reals, n), in the order of api/marshal.f90."""
     osc, n = points.shared, len(points)
     chatter_tol = numerics.chatter_tol
@@ -162,7 +170,8 @@ def _real_parameters(points, numerics, method, wanted):
     return reals
 
 
-def _choices(osc, numerics, method, wanted, settle=0, record=0):
+def _choices(osc: Oscillator, numerics: Numerics, method: str, wanted: Wanted, settle: int = 0,
+             record: int = 0) -> NDArray[Any]:
     codes = (ContactLaw[osc.contact_law.upper()], ImpactLaw[osc.impact_law.upper()],
              Gap[osc.gap.upper()], osc.back_flank_te, numerics.max_events_per_cycle,
              numerics.max_steps_per_cycle, wanted.events, wanted.impacts, wanted.grazes,
@@ -171,7 +180,7 @@ def _choices(osc, numerics, method, wanted, settle=0, record=0):
     return np.array([int(code) for code in codes], dtype=np.intc)
 
 
-def find_period(phi, phi_dot, labels, scale, most):
+def find_period(phi: Any, phi_dot: Any, labels: Any, scale: Any, most: Any) -> Any:
     """Period of a motion in mesh cycles by the rules of fortran/observers/period.f90; 0: none.
 
     Parameters
@@ -185,7 +194,7 @@ def find_period(phi, phi_dot, labels, scale, most):
     return int(api.find_period(rows, scale, most))
 
 
-def flank_motion(osc, t):
+def flank_motion(osc: Oscillator, t: Any) -> Any:
     """g, g' and g'' of an oscillator as the engine evaluates them.
 
     Parameters
@@ -200,7 +209,7 @@ def flank_motion(osc, t):
     return api.evaluate_table(_flank_argument(osc.te, False), osc.flank_scale, osc.period, t)
 
 
-def thinned(checkpoints):
+def thinned(checkpoints: Any) -> Any:
     """Every other of too many checkpoints, the last one always."""
     return checkpoints if len(checkpoints) <= MOST_CHECKPOINTS else checkpoints[::-2][::-1]
 
@@ -213,7 +222,9 @@ class TrajectoryCall:
     are beside them, else None. `checkpoints` are (cycle, time in it, blob) between its calls.
     """
 
-    def __init__(self, osc, start, blob=None, cycle=0, *, numerics, wanted):
+    def __init__(self, osc: Oscillator, start: tuple[float, float, float, float],
+                 blob: NDArray[Any] | None = None, cycle: int = 0, *, numerics: Numerics,
+                 wanted: Wanted) -> None:
         self.method = method = method_of(osc, numerics)
         self._fixed = (_flank_argument(osc.te, osc.back_flank_te, method),
                        _real_parameters(Points.of([osc]), numerics, method, wanted)[:, 0],
@@ -224,7 +235,7 @@ class TrajectoryCall:
         self._more = 2 * osc.degrees_of_freedom - 2
         self.cycle = cycle
 
-    def run(self, target, sample_times):
+    def run(self, target: tuple[int, float], sample_times: ArrayLike) -> TrajectoryCall:
         """Go on until the target (cycle, t); `sample_times` is (n, 2), cycle and t, rising."""
         wants_log = self._wanted.events or self._wanted.grazes
         by_cycle = self._wanted.cycles or self._wanted.strobe or self._wanted.tangent
@@ -273,7 +284,7 @@ class TrajectoryCall:
         return self
 
     @property
-    def work(self):
+    def work(self) -> dict[str, int]:
         """Counts of what was done since the trajectory began."""
         return work_counts(self.blob[:WORK_SIZE])
 
@@ -299,8 +310,10 @@ class SweepResult:
     method: str = ""
 
 
-def sweep(points, lines, starts, *, numerics, wanted, settle, record, log_room, threads,
-          progress=None, keep_interrupted=False, keep_cycles=True):
+def sweep(points: Any, lines: list[tuple[int, int, bool]], starts: list[Any], *, numerics: Numerics,
+          wanted: Wanted, settle: int, record: int, log_room: int, threads: int,
+          progress: Callable[..., Any] | None = None, keep_interrupted: bool = False,
+          keep_cycles: Any = True) -> SweepResult:
     """Run many oscillators of one table in lines.
 
     Parameters
@@ -381,7 +394,7 @@ def sweep(points, lines, starts, *, numerics, wanted, settle, record, log_room, 
                        named(log.transpose(2, 1, 0), EVENT_TABLE), interrupted, cpu_seconds, method)
 
 
-def position(phase, cycles, period):
+def position(phase: float, cycles: float, period: float) -> tuple[int, float]:
     """Cycle and time in it of a position given as start phase + cycles since the start."""
     total = phase + cycles
     cycle = math.floor(total)

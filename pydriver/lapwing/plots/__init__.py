@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
 from inspect import signature
@@ -17,6 +18,11 @@ from lapwing.base.registry import STUDIES, carried_out
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
+
+    from lapwing.plots.crew import Crew
+    from lapwing.plots.critical_marks import Mark
+    from lapwing.plots.sweep.parts import Claim
+    from lapwing.results.file import Results
 
 FORMATS = ("png", "pdf")
 # Modules with a `draw` each, by the kind of study they show.
@@ -35,7 +41,8 @@ class FigureError(Exception):
     of_surroundings : bool, whether disk or memory is to blame for one of them
     """
 
-    def __init__(self, written, failures, of_surroundings=False):
+    def __init__(self, written: list[Path], failures: dict[str, str],
+                 of_surroundings: bool = False) -> None:
         super().__init__("; ".join(f"figure {stem}: {what}" for stem, what in failures.items()))
         self.written, self.failures = written, failures
         self.of_surroundings = of_surroundings
@@ -65,7 +72,7 @@ class Task(NamedTuple):
     name: str | None = None
 
 
-def tasks_of(results):
+def tasks_of(results: Any) -> list[Task]:
     """Every figure of a result file, in reading order.
 
     Returns
@@ -81,7 +88,7 @@ def tasks_of(results):
             Task(TE_FIGURE, TE_FIGURE, "transmission_error")]
 
 
-def _reading_order():
+def _reading_order() -> list[str]:
     """Kinds of study, what is carried out last first: it gives the widest view."""
     return [study.kind for study in reversed(carried_out())]
 
@@ -91,7 +98,8 @@ def shows(module: str, dataset: xr.Dataset) -> bool:
     return bool(getattr(figure_module(module), "shows", lambda _: True)(dataset))
 
 
-def draw_all(results, folder, *, formats=FORMATS, progress=None, crew=None):
+def draw_all(results: Any, folder: Any, *, formats: tuple[str, ...] = FORMATS,
+             progress: Callable[..., Any] | None = None, crew: Crew | None = None) -> list[Path]:
     """Draw every figure of a result file.
 
     Parameters
@@ -133,7 +141,7 @@ def draw_all(results, folder, *, formats=FORMATS, progress=None, crew=None):
     return written
 
 
-def attempt(results, task, folder, formats):
+def attempt(results: Any, task: Task, folder: Path, formats: tuple[str, ...]) -> Problem | None:
     """Draw one figure into its files, all or none; returns the `Problem`, or None."""
     try:
         data = results.transmission_error if task.name is None \
@@ -185,7 +193,7 @@ def figure_module(figure: str) -> ModuleType:
     return import_module(f"lapwing.plots.{full}")
 
 
-def _save(figure, paths):
+def _save(figure: Figure, paths: list[Path]) -> None:
     from lapwing.plots.style import save
 
     try:
@@ -197,7 +205,7 @@ def _save(figure, paths):
         raise
 
 
-def _options(results, task):
+def _options(results: Any, task: Task) -> dict[str, Any]:
     """What `draw` of a figure is told besides its data."""
     if task.kind == "sweep":
         from lapwing.plots.sweep.parts import parameter_of
@@ -213,7 +221,7 @@ def _options(results, task):
     return {}
 
 
-def _marks(results, parameter, besides=None):
+def _marks(results: Results, parameter: str, besides: str | None = None) -> list[Mark]:
     """Critical values along a parameter, one of them left out if it is named."""
     from lapwing.plots.critical_marks import marks_of
 
@@ -221,7 +229,7 @@ def _marks(results, parameter, besides=None):
                     parameter)
 
 
-def _claims(results, name):
+def _claims(results: Results, name: str) -> list[Claim]:
     """What the source reports, from the responses: they know of impacts as well."""
     from lapwing.plots.sweep.parts import Claim, parameter_of
 

@@ -9,8 +9,14 @@ import os
 import signal
 import sys
 import threading
+from collections.abc import Iterator
 from multiprocessing.connection import wait
+from pathlib import Path
 from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from lapwing.plots import Problem, Task
 
 # More processes than this wait for each other at the disk, and take 100 MB each.
 MOST = 8
@@ -34,7 +40,7 @@ class Crew:
     size : int, processes, `MOST` at most; 1: none, the caller draws by itself
     """
 
-    def __init__(self, size):
+    def __init__(self, size: int) -> None:
         self._size = min(size, MOST) if size > 1 else 0
         self._workers = {}
         methods = multiprocessing.get_all_start_methods()
@@ -47,19 +53,19 @@ class Crew:
             with _interrupts_held(), _without_windows():
                 forkserver.ensure_running()
 
-    def __bool__(self):
+    def __bool__(self) -> bool:
         return self._size > 0
 
-    def __enter__(self):
+    def __enter__(self) -> Crew:
         return self
 
-    def __exit__(self, kind, *_):
+    def __exit__(self, kind: type | None, *_: Any) -> None:
         if kind is None:
             self.close()
         else:
             self.stop()
 
-    def close(self):
+    def close(self) -> None:
         """Let the processes finish the figures they are at, and end them."""
         for pipe in self._workers:
             pipe.close()
@@ -67,7 +73,7 @@ class Crew:
             process.join(PATIENCE)
         self.stop()
 
-    def stop(self):
+    def stop(self) -> None:
         """End the processes at once; a figure under way is left half written."""
         for process in self._workers.values():
             process.kill()
@@ -77,7 +83,8 @@ class Crew:
             pipe.close()
         self._workers.clear()
 
-    def draw(self, path, tasks, folder, formats):
+    def draw(self, path: Path, tasks: list[Task], folder: Path,
+             formats: tuple[str, ...]) -> Iterator[tuple[Task, Problem | None]]:
         """Have tasks drawn from a result file.
 
         Yields
@@ -111,7 +118,7 @@ class Crew:
                     problem = Problem(f"the process that drew it {self._dismiss(pipe)}")
                 yield busy.pop(pipe), problem
 
-    def _hire(self):
+    def _hire(self) -> None:
         """Start one process."""
         context = multiprocessing.get_context(self._method)
         ours, theirs = context.Pipe()
@@ -121,7 +128,7 @@ class Crew:
         theirs.close()
         self._workers[ours] = process
 
-    def _dismiss(self, pipe):
+    def _dismiss(self, pipe: Any) -> str:
         """Forget a process that has died; returns how it ended."""
         process = self._workers.pop(pipe)
         pipe.close()
@@ -130,7 +137,7 @@ class Crew:
 
 
 @contextlib.contextmanager
-def _without_windows():
+def _without_windows() -> Iterator[None]:
     """Processes begun meanwhile draw without a window system, whatever a notebook wants."""
     before = os.environ.get("MPLBACKEND")
     os.environ["MPLBACKEND"] = "agg"
@@ -143,7 +150,7 @@ def _without_windows():
             os.environ["MPLBACKEND"] = before
 
 
-def _end_with_parent():
+def _end_with_parent() -> None:
     """End this process when the one that draws with it is gone, however that ended.
 
     The pipe that tells of the parent's end works everywhere, also in the middle of a figure; where
@@ -153,7 +160,7 @@ def _end_with_parent():
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     parent = multiprocessing.parent_process().sentinel
 
-    def watch():
+    def watch() -> None:
         wait([parent])
         os._exit(1)
 
@@ -161,7 +168,7 @@ def _end_with_parent():
 
 
 @contextlib.contextmanager
-def _main_hidden():
+def _main_hidden() -> Iterator[None]:
     """A process begun meanwhile does not run the caller's script, of which it needs nothing."""
     main = sys.modules["__main__"]
     sys.modules["__main__"] = ModuleType("__main__")
@@ -172,7 +179,7 @@ def _main_hidden():
 
 
 @contextlib.contextmanager
-def _interrupts_held():
+def _interrupts_held() -> Iterator[None]:
     """Signals wait, and what is started meanwhile never hears of Ctrl-C."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
@@ -187,7 +194,7 @@ def _interrupts_held():
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _draw_on_demand(pipe):
+def _draw_on_demand(pipe: Any) -> None:
     """Draw what comes through the pipe until it is closed; a process's whole life."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _end_with_parent()

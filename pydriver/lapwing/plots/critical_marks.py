@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.plots import style
 from lapwing.plots.sweep import parts as sweep_parts
 from lapwing.results.findings import search_bounded, search_known
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
 
 SYMBOLS = {"full": "T_full", "safe": "T_safe", "back": "T_back", "on": "T_on"}
 # By what is found; T_full has a line of its own where it is stored with the sweep.
@@ -26,7 +31,7 @@ class Mark(NamedTuple):
     label: str
 
 
-def marks_of(criticals, parameter):
+def marks_of(criticals: list[xr.Dataset], parameter: str) -> list[Mark]:
     """Marks along a parameter; searches at a torque or speed of their own are left out.
 
     Parameters
@@ -53,14 +58,14 @@ def marks_of(criticals, parameter):
     return sorted(marks, key=lambda mark: mark.low)
 
 
-def bracket(attrs):
+def bracket(attrs: dict[str, Any]) -> tuple[float, float]:
     """The two ends between which a critical value lies."""
     if attrs["find"] == "back":
         return attrs["last_seen"], attrs["first_clean"]
     return attrs["estimate"] - attrs["bar"], attrs["estimate"] + attrs["bar"]
 
 
-def label_of(critical):
+def label_of(critical: xr.Dataset) -> str:
     """The result in a few words."""
     attrs = critical.attrs
     name = SYMBOLS[attrs["find"]] if attrs["parameter"] == "brake_torque" else "critical value"
@@ -83,7 +88,8 @@ def label_of(critical):
     return f"{name} = {number} {unit}".rstrip() + noise
 
 
-def draw_marks(axes, labelled, marks, x, drawn=None, heights=(0.55, 0.55)):
+def draw_marks(axes: Any, labelled: Axes, marks: Any, x: NDArray[Any], drawn: float | None = None,
+               heights: tuple[float, float] = (0.55, 0.55)) -> None:
     """Bars through all panels, their words beside them in one of the panels.
 
     Parameters

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.codes import SearchStage
 from lapwing.plots import style
 from lapwing.plots.critical_marks import draw_marks, label_of
 from lapwing.plots.sweep.parts import axis_label
 from lapwing.results.findings import search_bounded
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 LOOKS = {
     SearchStage.SCAN: {"marker": "o", "color": style.BLUE, "label": "scan, from the safe end"},
@@ -23,13 +31,13 @@ TITLES = {"full": "contact of the engaged motion", "safe": "rattling motions",
 CLOSE_UP = 6
 
 
-def shows(critical):
+def shows(critical: xr.Dataset) -> bool:
     """Whether there were trials: a closed form has nothing to show."""
     return "trial" in critical.dims
 
 
 @style.house_style()
-def draw(critical, *, title=None, marks=()):
+def draw(critical: xr.Dataset, *, title: str | None = None, marks: Any = ()) -> Figure:
     """Draw one search.
 
     Parameters
@@ -69,7 +77,7 @@ def draw(critical, *, title=None, marks=()):
     return figure
 
 
-def _safe(axis, critical):
+def _safe(axis: Axes, critical: xr.Dataset) -> None:
     """Share of the motions that rattle, at each value tried."""
     stages, values = critical["trial_stage"].values, critical["trial_value"].values
     followed = critical["trial_starts"].values - critical["trial_failed"].values
@@ -99,13 +107,13 @@ def _safe(axis, critical):
     axis.set_ylim(-4, 104)
 
 
-def _nothing(axis, values):
+def _nothing(axis: Axes, values: NDArray[Any]) -> None:
     """A search of which every motion failed: the range, and no numbers of what was not seen."""
     style.nothing(axis, "every motion failed: nothing is known")
     _lost(axis, values)
 
 
-def _lost(axis, values):
+def _lost(axis: Axes, values: NDArray[Any]) -> None:
     """Values at which every motion failed, at the edge of the panel."""
     if values.size:
         axis.plot(values, np.full(values.size, 0.02), linestyle="", marker="x", markersize=7,
@@ -113,7 +121,8 @@ def _lost(axis, values):
                   transform=axis.get_xaxis_transform(), clip_on=False)
 
 
-def _known_shares(values, stages, share):
+def _known_shares(values: NDArray[Any], stages: NDArray[Any],
+                  share: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Values from low to high and the share at each: of all starts, where they were tried there.
 
     Where several trials were made at one value the greatest counts; the way along which motions
@@ -125,7 +134,7 @@ def _known_shares(values, stages, share):
     return order, np.array([share[whole & (values == value)].max() for value in order])
 
 
-def _back(axis, critical):
+def _back(axis: Axes, critical: xr.Dataset) -> None:
     """Bursts of back impacts per cycle; where none was seen, the upper limit of that rate."""
     values = critical["trial_value"].values
     cycles = np.maximum(critical["trial_cycles"].values, 1)
@@ -154,7 +163,7 @@ def _back(axis, critical):
              "last seen to first clean value")
 
 
-def _margin(axis, critical):
+def _margin(axis: Axes, critical: xr.Dataset) -> None:
     """Force above the one that contact needs."""
     axis.plot(critical["trial_value"], style.URAD * critical["trial_margin"], color=style.BLUE,
               marker="o", markersize=4, label="F above the force that contact needs")
@@ -166,7 +175,7 @@ def _margin(axis, critical):
     axis.set_ylabel("force margin (µrad)")
 
 
-def _bracket(axis, one, two, label):
+def _bracket(axis: Axes, one: float, two: float, label: str) -> None:
     if np.isfinite(one + two):
         axis.axvspan(min(one, two), max(one, two), color=style.ORANGE, alpha=0.35, linewidth=0.8,
                      zorder=1, label=label)

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from lapwing.plots import style
 from lapwing.plots.critical_marks import SYMBOLS
 
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
 # Values beyond so many times those of the fit used would hide it.
 HEADROOM = 4.0
 
 
-def shows(critical):
+def shows(critical: xr.Dataset) -> bool:
     """Whether the orders of a fit to measured samples were tried."""
     return "fit_order" in critical.dims
 
 
 @style.house_style()
-def draw(critical, *, title=None):
+def draw(critical: xr.Dataset, *, title: str | None = None) -> Figure:
     """Draw T_full, and how well samples and curve go together, against the highest order.
 
     Parameters

@@ -5,12 +5,20 @@ from __future__ import annotations
 import contextlib
 import math
 import re
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.arrivals import arrivals_in
 from lapwing.base.codes import MotionState
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 # Okabe and Ito's palette: told apart by colour-blind readers and by lightness in grey.
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
@@ -57,7 +65,7 @@ TOP_SCALE_POINTS = 34
 
 
 @contextlib.contextmanager
-def house_style():
+def house_style() -> Iterator[None]:
     """The settings of all figures, whatever the reader's own are; also a decorator."""
     import matplotlib
 
@@ -69,7 +77,7 @@ def house_style():
         yield
 
 
-def new_figure(width, height):
+def new_figure(width: float, height: float) -> Figure:
     """An empty figure (inches) that belongs to no window."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -80,7 +88,7 @@ def new_figure(width, height):
 
 
 @house_style()
-def save(figure, *paths):
+def save(figure: Figure, *paths: Any) -> None:
     """Write a figure in the formats its names end in.  Nothing in the files tells the time.
 
     The places of panels and labels are worked out once, so that all formats show the same.
@@ -94,7 +102,7 @@ def save(figure, *paths):
             figure.savefig(path, dpi=DPI, metadata=metadata)
 
 
-def _save_png(figure, path):
+def _save_png(figure: Figure, path: Path) -> None:
     """Draw the pixels and write them without the alpha channel that they do not need."""
     from PIL import Image
 
@@ -109,7 +117,7 @@ def _save_png(figure, path):
             one.set_label_coords(*axis.transAxes.inverted().transform(middle))
 
 
-def _place(figure):
+def _place(figure: Figure) -> None:
     """Lay the figure out, once."""
     engine = figure.get_layout_engine()
     if engine is None:
@@ -122,12 +130,12 @@ def _place(figure):
     figure.set_layout_engine(None)
 
 
-def _panels(figure):
+def _panels(figure: Figure) -> list[Axes]:
     """All axes, second scales as well."""
     return [one for axis in figure.axes for one in (axis, *axis.child_axes)]
 
 
-def second_scale(axis, side, factor, label):
+def second_scale(axis: Axes, side: str, factor: float, label: str) -> Axes:
     """A scale at the opposite side ('right' or 'top') that reads `factor` times the first."""
     make = axis.secondary_yaxis if side == "right" else axis.secondary_xaxis
     scale = make(side, functions=(lambda x: x * factor, lambda x: x / factor))
@@ -140,7 +148,7 @@ def second_scale(axis, side, factor, label):
     return scale
 
 
-def arcsec_scale(axis):
+def arcsec_scale(axis: Axes) -> Axes:
     """Arc seconds at the right of an axis in µrad, whose limits are final if it is symlog."""
     if axis.get_yscale() != "symlog":
         return second_scale(axis, "right", ARCSEC_PER_URAD, "(arcsec)")
@@ -155,14 +163,14 @@ def arcsec_scale(axis):
     return scale
 
 
-def plain_powers(axis):
+def plain_powers(axis: Any) -> None:
     """Powers of ten of a logarithmic `Axis` in raised figures: 10⁻³, with no TeX to be parsed."""
     from matplotlib.ticker import LogFormatterSciNotation
 
     class Plain(LogFormatterSciNotation):
         """The same labels as plain text."""
 
-        def __call__(self, x, pos=None):
+        def __call__(self, x: float, pos: int | None = None) -> str:
             words = super().__call__(x, pos).removeprefix(r"$\mathdefault{").removesuffix("}$")
             words = words.replace(r"\times", "×").replace("-", "−")
             return re.sub(r"\^\{(.*?)\}", lambda power: power[1].translate(RAISED), words)
@@ -172,7 +180,7 @@ def plain_powers(axis):
         axis.set_minor_formatter(Plain())
 
 
-def widen_small_values(axis, values):
+def widen_small_values(axis: Axes, values: NDArray[Any]) -> bool:
     """Make an axis symmetric-logarithmic where most values are tiny beside the largest.
 
     Returns
@@ -188,7 +196,7 @@ def widen_small_values(axis, values):
     return True
 
 
-def speed_unit(gear_pair):
+def speed_unit(gear_pair: dict[str, float] | None) -> tuple[float, str, float | None]:
     """Factor from rad per τ, its unit, and mm/s at the tooth per that unit (None: unknown)."""
     if gear_pair is None:
         return URAD, "µrad per τ", None
@@ -196,19 +204,19 @@ def speed_unit(gear_pair):
             1e3 * float(gear_pair["pinion_base_lever"]))
 
 
-def speed_scale(axis, millimetres):
+def speed_scale(axis: Axes, millimetres: float | None) -> None:
     """Speed along the normal at the right of an axis in rad/s, where the lever is known."""
     if millimetres is not None:
         second_scale(axis, "right", millimetres, "along the normal (mm/s)")
 
 
-def note(axis, text, y=0.5):
+def note(axis: Axes, text: str, y: float = 0.5) -> None:
     """A sentence where there is nothing to draw, or where it must be said."""
     axis.text(0.5, y, text, transform=axis.transAxes, ha="center", va="center", color=QUIET,
               fontsize=11)
 
 
-def nothing(axis, text, x=False):
+def nothing(axis: Axes, text: str, x: bool = False) -> None:
     """A panel without data: words in its place, and no numbers at its axes, made up as they were.
 
     `x`: at the lower axis as well; else it is another panel's, too.
@@ -219,7 +227,7 @@ def nothing(axis, text, x=False):
     note(axis, text)
 
 
-def describe(response):
+def describe(response: xr.Dataset) -> str:
     """Two lines on a response: torque; motion, or that the run failed."""
     attrs = response.attrs
     head = str(attrs["name"])
@@ -228,7 +236,7 @@ def describe(response):
     return f"{head}\n{motion(attrs)}"
 
 
-def motion(attrs):
+def motion(attrs: dict[str, Any]) -> str:
     """The motion in words."""
     if int(attrs["status"]):
         return f"the run failed ({str(attrs['status_meaning']).replace('_', ' ')})"
@@ -244,6 +252,6 @@ def motion(attrs):
     return words
 
 
-def failed(response):
+def failed(response: xr.Dataset) -> bool:
     """Whether a response holds nothing but its status."""
     return bool(int(response.attrs["status"]))

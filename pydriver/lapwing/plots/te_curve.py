@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.plots import style
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 # The curve is drawn this far beyond one mesh period, to show how it goes on.
 BEYOND = 0.12
@@ -13,7 +21,7 @@ FEW_KNOTS = 40
 
 
 @style.house_style()
-def draw(te, gear_pair=None):
+def draw(te: xr.Dataset, gear_pair: dict[str, float] | None = None) -> Figure:
     """Draw value and slope against mesh phase.
 
     Parameters
@@ -47,7 +55,7 @@ def draw(te, gear_pair=None):
     return figure
 
 
-def _labels(figure, axes, te):
+def _labels(figure: Figure, axes: NDArray[Any], te: xr.Dataset) -> None:
     count, kinks = te["kinks"].size, int(te["kinks"].sum())
     span = style.URAD * float(te.attrs["peak_to_peak"])
     pieces = f"{count} polynomial {'pieces' if count > 1 else 'piece'}"
@@ -68,23 +76,23 @@ def _labels(figure, axes, te):
     figure.suptitle(_short(f"transmission error: {te.attrs['source']}"))
 
 
-def _short(text, room=90):
+def _short(text: str, room: int = 90) -> str:
     return text if len(text) <= room else text[:room - 1] + "…"
 
 
-def _copies(phases):
+def _copies(phases: NDArray[Any]) -> NDArray[Any]:
     """Phases of one period and the same a period away, as far as they are drawn."""
     phases = np.concatenate([np.asarray(phases) + shift for shift in (-1, 0, 1)])
     return phases[(phases >= -BEYOND) & (phases <= 1 + BEYOND)]
 
 
-def _evaluate(coefficients, t, order):
+def _evaluate(coefficients: NDArray[Any], t: NDArray[Any], order: int) -> NDArray[Any]:
     """Value or slope, µrad, of a piece at distances t from its knot."""
     polynomial = np.polynomial.Polynomial(coefficients)
     return style.URAD * (polynomial.deriv(order) if order else polynomial)(t)
 
 
-def _curve(axis, te, order):
+def _curve(axis: Axes, te: xr.Dataset, order: int) -> None:
     """All pieces as one line, broken at kinks."""
     knots, kinks = te["knots"].values, te["kinks"].values.astype(bool)
     x, y = [], []
@@ -101,7 +109,7 @@ def _curve(axis, te, order):
     axis.axhline(0, color=style.WALL, linewidth=0.6)
 
 
-def _knots(axes, te):
+def _knots(axes: NDArray[Any], te: xr.Dataset) -> None:
     """Knots as dots on the curve and, where it is smooth, on its slope."""
     kinks = te["kinks"].values.astype(bool)
     coefficients = te["coefficients"].values
@@ -119,7 +127,7 @@ def _knots(axes, te):
                   label="kink" if kink else "knot")
 
 
-def _slopes_at_kinks(axis, te):
+def _slopes_at_kinks(axis: Axes, te: xr.Dataset) -> None:
     """Left slope open, right slope filled, with the jump in figures."""
     kinks = np.flatnonzero(te["kinks"].values)
     knots, coefficients = te["knots"].values, te["coefficients"].values

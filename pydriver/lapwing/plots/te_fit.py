@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.plots import style
 from lapwing.plots.te_curve import BEYOND, POINTS
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 SAMPLE = {"linestyle": "", "marker": "o", "markersize": 4.5, "markerfacecolor": "none",
           "markeredgewidth": 1.1, "color": style.BLACK}
 
 
 @style.house_style()
-def draw(te):
+def draw(te: xr.Dataset) -> Figure:
     """Draw a curve fitted to samples.
 
     Parameters
@@ -46,7 +54,7 @@ def draw(te):
     return figure
 
 
-def _copies(phase, *columns):
+def _copies(phase: NDArray[Any], *columns: NDArray[Any]) -> list[NDArray[Any]]:
     """One period and its copies as far as they are drawn."""
     where = np.concatenate([np.asarray(phase) + shift for shift in (-1, 0, 1)])
     shown = (where >= -BEYOND) & (where <= 1 + BEYOND)
@@ -55,7 +63,7 @@ def _copies(phase, *columns):
             for column in (None, *columns)]
 
 
-def _of_table(te, order):
+def _of_table(te: xr.Dataset, order: int) -> tuple[NDArray[Any], NDArray[Any]]:
     """Phase and derivative (µrad) of the curve, broken at kinks, over what is drawn."""
     knots, kinks = te["knots"].values, te["kinks"].values.astype(bool)
     x, y = [], []
@@ -71,14 +79,14 @@ def _of_table(te, order):
     return np.concatenate(x), np.concatenate(y)
 
 
-def _line(axis, te, order, **look):
+def _line(axis: Axes, te: xr.Dataset, order: int, **look: Any) -> None:
     x, y = _of_table(te, order)
     for shift in (0, -1, 1):
         axis.plot(x + shift, y, **look)
         look.pop("label", None)
 
 
-def _curve(axis, te):
+def _curve(axis: Axes, te: xr.Dataset) -> None:
     attrs = te.attrs
     x, value = _copies(te["sample_phase"].values, te["sample_value"].values)
     axis.plot(x, style.URAD * value, label="samples", zorder=4, **SAMPLE)
@@ -90,7 +98,7 @@ def _curve(axis, te):
     axis.set_ylabel("Δφ (µrad)")
 
 
-def _residual(axis, te):
+def _residual(axis: Axes, te: xr.Dataset) -> None:
     attrs = te.attrs
     x, value = _copies(te["sample_phase"].values, te["sample_residual"].values)
     axis.plot(x, style.URAD * value, zorder=4, **SAMPLE)
@@ -103,7 +111,7 @@ def _residual(axis, te):
     axis.set_ylabel("sample − curve\n(µrad)")
 
 
-def _curvature(axis, te):
+def _curvature(axis: Axes, te: xr.Dataset) -> None:
     x, low, high = _copies(te["curve_phase"].values, te["curve_curvature_low"].values,
                            te["curve_curvature_high"].values)
     axis.fill_between(x, style.URAD * low, style.URAD * high, color=style.ORANGE, alpha=0.35,

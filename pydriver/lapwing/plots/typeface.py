@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import os
 from pathlib import Path
+from typing import Any
 
 NAME = "Lapwing DejaVu Sans"
 # Latin, Greek, punctuation, raised and lowered figures, arrows, mathematics, shapes.
@@ -20,7 +21,7 @@ DROPPED = ["GSUB", "GPOS", "GDEF", "MATH", "FFTM"]
 
 
 @functools.cache
-def families():
+def families() -> list[str]:
     """Names for `font.family`: the typeface, then the whole font; the first is made known."""
     from matplotlib import font_manager
 
@@ -31,7 +32,7 @@ def families():
     return [NAME, "DejaVu Sans"]
 
 
-def _file():
+def _file() -> Path:
     """Path of the reduced font; made where it is missing."""
     import matplotlib
 
@@ -47,14 +48,14 @@ def _file():
     return path
 
 
-def _edition():
+def _edition() -> str:
     """A short name for the choice of glyphs and tables, so that another choice is another file."""
     from hashlib import sha256
 
     return sha256(repr((NAME, RANGES, DROPPED)).encode()).hexdigest()[:8]
 
 
-def _reduced():
+def _reduced() -> Any:
     """The font with the glyphs of `RANGES` alone, under its own name; kerning is kept."""
     from fontTools import subset
     from matplotlib import font_manager

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from lapwing.results.findings import START_NAMES
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Of what the greatest is told: variable, words, factor, unit.
 TOLD = (("dynamic_te_rms", "rms of the dynamic transmission error", 1e6, "µrad"),
@@ -12,7 +17,7 @@ TOLD = (("dynamic_te_rms", "rms of the dynamic transmission error", 1e6, "µrad"
         ("mesh_force_peak", "mesh force of spring and damper", 1.0, "N"))
 
 
-def amplitude_lines(sweep, unit):
+def amplitude_lines(sweep: xr.Dataset, unit: str) -> list[str]:
     """Where amplitudes and forces are greatest; none where they were not asked for.
 
     Parameters
@@ -31,7 +36,7 @@ def amplitude_lines(sweep, unit):
     return lines + [f"- mean mesh force: {span}" for span in _mean(sweep)]
 
 
-def greatest(sweep, name, factor, of, unit):
+def greatest(sweep: xr.Dataset, name: str, factor: float, of: str, unit: str) -> str:
     """The greatest of a number and where: '131.4 µrad at 2400 rpm (carried downwards)'.
 
     Empty text where none is known.
@@ -46,7 +51,7 @@ def greatest(sweep, name, factor, of, unit):
             + f" ({START_NAMES.get(begun, begun)})")
 
 
-def _mean(sweep):
+def _mean(sweep: xr.Dataset) -> list[str]:
     values = sweep["mesh_force_mean"].values
     known = values[np.isfinite(values)]
     return [f"{known.min():.4g} to {known.max():.4g} N"] if known.size else []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,6 +11,11 @@ from lapwing.base.codes import SearchStage
 from lapwing.report.measured import critical_words, has_interval, value_and_interval
 from lapwing.report.words import markdown, parameter_unit, parameter_words, plural
 from lapwing.results.findings import search_bounded, search_known, words_beyond
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from lapwing.results.file import Results
 
 SYMBOLS = {"full": "T_full", "safe": "T_safe", "back": "T_back", "on": "T_on"}
 MEANINGS = {"full": "contact can be kept", "safe": "no rattling seen",
@@ -20,7 +26,7 @@ REASONS = {"thrown_off": "a kink that throws the tooth off",
            "struck": "a kink that strikes the resting tooth, which bounces"}
 
 
-def critical_table(criticals):
+def critical_table(criticals: list[xr.Dataset]) -> list[str]:
     """The values found by all searches, lines of a table in Markdown."""
     rows = [("name", "what", "parameter", "value", "uncertainty")]
     rows += [(one.attrs["name"], _meaning(one), parameter_words(one.attrs["parameter"])
@@ -28,18 +34,18 @@ def critical_table(criticals):
     return markdown(rows)
 
 
-def table(criticals):
+def table(criticals: list[xr.Dataset]) -> list[str]:
     """The summary's table of critical values; see `registry`."""
     return ["", "## Critical values", "", *critical_table(criticals)]
 
 
-def section(criticals, results):
+def section(criticals: list[xr.Dataset], results: Results) -> list[str]:
     """What the summary says of the searches; see `registry`."""
     sweeps = [results.sweep(name) for name in results.sweeps]
     return ["", "## The searches for critical values", "", *critical_text(criticals, sweeps)]
 
 
-def critical_text(criticals, sweeps=()):
+def critical_text(criticals: list[xr.Dataset], sweeps: Any = ()) -> list[str]:
     """Findings of all searches, a paragraph each.
 
     Parameters
@@ -57,7 +63,7 @@ def critical_text(criticals, sweeps=()):
     return [*lines, *_together(criticals)]
 
 
-def headline(critical):
+def headline(critical: Any) -> str:
     """The result in one line.
 
     Parameters
@@ -83,19 +89,19 @@ def headline(critical):
     return f"{_meaning(critical)} {_name(critical)} {value}{bar} {_unit(critical)}".rstrip()
 
 
-def decimals(value, bar):
+def decimals(value: float, bar: float) -> tuple[str, str]:
     """`value` to the digits that its bar leaves, and the bar to two digits."""
     places = max(0, 1 - math.floor(math.log10(bar))) if bar > 0 else 6
     return f"{value:.{places}f}", f"{bar:.2g}"
 
 
-def _meaning(critical):
+def _meaning(critical: Any) -> str:
     """What holds, and on which side of the value."""
     find = critical.attrs["find"]
     return MEANINGS[find] + f" {_sides(critical)[0]}" * (find != "back")
 
 
-def _cells(critical):
+def _cells(critical: Any) -> tuple[str, str]:
     """Value of the table and how sure it is: rounding, half a bracket, the next value tried."""
     attrs = critical.attrs
     if not search_known(critical):
@@ -122,17 +128,17 @@ def _cells(critical):
     return value, f"± {bar}{noise}"
 
 
-def _tried(critical):
+def _tried(critical: xr.Dataset) -> xr.Dataset:
     """The trials without the one that follows rattling longer."""
     return critical.isel(trial=np.flatnonzero(
         critical["trial_stage"].values < SearchStage.CONFIRMATION))
 
 
-def _unit(critical):
+def _unit(critical: Any) -> str:
     return parameter_unit(critical.attrs["parameter"])
 
 
-def _name(critical):
+def _name(critical: Any) -> str:
     """T_full and the like along the braking torque, else the parameter's name."""
     attrs = critical.attrs
     if attrs["parameter"] == "brake_torque":
@@ -140,7 +146,7 @@ def _name(critical):
     return parameter_words(attrs["parameter"]) + " ="
 
 
-def _seen(critical, sweeps):
+def _seen(critical: xr.Dataset, sweeps: Any) -> str:
     """What sweeps with the same T_full saw rattle above it; empty for the other searches."""
     attrs = critical.attrs
     if attrs["find"] != "full" or attrs["outcome"] != "found":
@@ -152,24 +158,24 @@ def _seen(critical, sweeps):
                    f"{words_beyond(one, attrs['estimate'], _unit(critical))}." for one in same)
 
 
-def _with_unit(critical, value):
+def _with_unit(critical: Any, value: float) -> str:
     return f"{value:.10g} {_unit(critical)}".rstrip()
 
 
-def _sides(critical):
+def _sides(critical: Any) -> tuple[str, str]:
     """On which side of a value it is safe, and on which not."""
     return ("above", "below") if critical.attrs.get("safe_end", "high") == "high" \
         else ("below", "above")
 
 
-def _sentences(critical):
+def _sentences(critical: xr.Dataset) -> str:
     sentences = {"full": _full, "on": _on, "safe": _safe, "back": _back}[critical.attrs["find"]]
     own = " (At a torque or speed of its own, set in its group.)"
     return sentences(critical) + critical_words(critical, _unit(critical)) \
         + own * bool(critical.attrs.get("own_operation", 0))
 
 
-def _full(critical):
+def _full(critical: xr.Dataset) -> str:
     attrs = critical.attrs
     if attrs["outcome"] == "resonance":
         return ("**none**: without damping and at a whole number of natural periods in the mesh "
@@ -187,7 +193,7 @@ def _full(critical):
             "this search does not look for them.")
 
 
-def _on(critical):
+def _on(critical: xr.Dataset) -> str:
     attrs = critical.attrs
     if attrs["outcome"] in REASONS:
         return (f"**none**: at mesh phase {attrs['phase']:.6g} the transmission error has "
@@ -202,7 +208,7 @@ def _on(critical):
             f"phase {attrs['phase']:.9f}. Bouncing may exist beside it.")
 
 
-def _throughout(critical, good, bad):
+def _throughout(critical: xr.Dataset, good: str, bad: str) -> str:
     """A search whose range holds no change."""
     attrs = critical.attrs
     if attrs["outcome"] == "safe_throughout":
@@ -213,7 +219,7 @@ def _throughout(critical, good, bad):
             f"safe end of the search, {bad}; begin farther out.")
 
 
-def _safe(critical):
+def _safe(critical: xr.Dataset) -> str:
     attrs = critical.attrs
     looked = (f"Motions: from rest and {attrs['n_starts'] - 1} starts "
               f"({attrs['start_phases']} phases × {attrs['start_positions']} positions × "
@@ -246,21 +252,21 @@ def _safe(critical):
             + _further(critical) + looked)
 
 
-def _worst(trials, value):
+def _worst(trials: xr.Dataset, value: float) -> dict[str, int]:
     """Numbers of the trial with most rattling at one value."""
     at = np.flatnonzero(trials["trial_value"].values == value)
     best = at[np.argmax(trials["trial_rattling"].values[at])]
     return {key: int(trials[f"trial_{key}"].values[best]) for key in ("rattling", "starts")}
 
 
-def _failures(trials):
+def _failures(trials: xr.Dataset) -> str:
     failed = int(trials["trial_failed"].sum())
     how = "no value with one is taken as safe" if "trial_rattling" in trials else \
         "they are left out"
     return f"**{plural(failed, 'motion')} failed numerically; {how}.** " if failed else ""
 
 
-def _confirmation(critical):
+def _confirmation(critical: xr.Dataset) -> str:
     stage = critical["trial_stage"].values
     if not np.any(stage == SearchStage.CONFIRMATION):
         return ""
@@ -275,7 +281,7 @@ def _confirmation(critical):
             f"{'rattles' if rattling == 1 else 'rattle'}{lost}{transient}. ")
 
 
-def _further(critical):
+def _further(critical: xr.Dataset) -> str:
     """What rattles at the values tried beyond the first rattling one."""
     further = critical.isel(trial=np.flatnonzero(
         critical["trial_stage"].values == SearchStage.FURTHER))
@@ -300,7 +306,7 @@ def _further(critical):
             + f": not one threshold. At the others some motion rattles, {carried}. ")
 
 
-def _back(critical):
+def _back(critical: xr.Dataset) -> str:
     attrs = critical.attrs
     looked = (f"Motions: from rest and {attrs['n_starts'] - 1} starts "
               f"({attrs['start_phases']} phases × {attrs['start_positions']} positions × "
@@ -326,7 +332,7 @@ def _back(critical):
             + _bound(critical) + _bands(critical) + " " + _failures(critical) + looked)
 
 
-def _quiet(critical):
+def _quiet(critical: Any) -> str:
     """The values without a back impact next to the safe end, those at which anything is known."""
     attrs = critical.attrs
     examined = np.flatnonzero(critical["trial_cycles"].values[:attrs["clean_values"]] > 0)
@@ -336,7 +342,7 @@ def _quiet(critical):
             + f" (every motion failed at {blind} more)" * bool(blind))
 
 
-def _bound(critical):
+def _bound(critical: xr.Dataset) -> str:
     """The one-sided limit of the rate in words."""
     attrs = critical.attrs
     quiet = critical["trial_back_cycles"].values[:attrs["clean_values"]]
@@ -353,7 +359,7 @@ def _bound(critical):
             "independent). ")
 
 
-def _bands(critical):
+def _bands(critical: xr.Dataset) -> str:
     """Values with and without a back impact, from low to high."""
     order = np.argsort(critical["trial_value"].values)
     order = order[critical["trial_cycles"].values[order] > 0]
@@ -372,7 +378,7 @@ def _bands(critical):
             f"{'examined ' * blind}between them.")
 
 
-def _together(criticals):
+def _together(criticals: list[xr.Dataset]) -> list[str]:
     """What T_full (rigid teeth: T_on) and T_safe say together."""
     found = {one.attrs["find"]: one.attrs for one in criticals
              if one.attrs["parameter"] == "brake_torque" and one.attrs["outcome"] == "found"

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 from lapwing.base.registry import carried_out
 
+if TYPE_CHECKING:
+    import xarray as xr
 
-def headlines(found, missing=()):
+
+def headlines(found: dict[str, dict[str, xr.Dataset]], missing: Any = ()) -> tuple[str, ...]:
     """One line for each study.
 
     Parameters

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.arrivals import arrivals_in, per_cycle
 from lapwing.base.codes import MotionState, Status
 from lapwing.report.words import markdown, plural
 from lapwing.results.findings import known, rattles, span
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Branches differ in depth when they do so by more than this part of it.
 DEPTH_DIFFERS = 0.02
@@ -15,7 +21,7 @@ DEPTH_DIFFERS = 0.02
 TABLE_LINES = 12
 
 
-def hysteresis(sweep, unit):
+def hysteresis(sweep: xr.Dataset, unit: str) -> list[str]:
     """Intervals in which the branches carried up and down end in different motions.
 
     Two motions differ when their periods do, or, both settled, their counted arrivals or by more
@@ -60,7 +66,7 @@ def hysteresis(sweep, unit):
             *(_table(wide, branches, values, unit) if wide else [])]
 
 
-def _judged_on(judged, neither, values, unit):
+def _judged_on(judged: NDArray[Any], neither: NDArray[Any], values: NDArray[Any], unit: str) -> str:
     """How many values a statement rests on, and why not on the others."""
     if judged.all():
         return f" (judged at all {span(values, unit)})" if judged.size > 1 else \
@@ -74,7 +80,7 @@ def _judged_on(judged, neither, values, unit):
 class _Branch:
     """What is compared of one branch, over the parameter."""
 
-    def __init__(self, branch):
+    def __init__(self, branch: xr.Dataset) -> None:
         self.law = arrivals_in(branch.attrs)
         self.status = branch["status"].values
         self.ok = known(branch)
@@ -86,11 +92,11 @@ class _Branch:
         self.coast = self.ok & np.all(
             branch["states_visited"].values == 1 << MotionState.BACK_ENGAGEMENT, axis=-1)
 
-    def judged(self, other):
+    def judged(self, other: _Branch) -> NDArray[Any]:
         """Where two branches can be compared: both have a result, and one of them a period."""
         return self.ok & other.ok & ((self.period > 0) | (other.period > 0))
 
-    def differs(self, other):
+    def differs(self, other: _Branch) -> NDArray[Any]:
         """Where two branches end in different motions."""
         settled = (self.period > 0) & (other.period > 0)
         greatest = np.fmax(self.depth, other.depth)
@@ -100,7 +106,7 @@ class _Branch:
         differ |= counted & ((self.impacts != other.impacts) | (self.back != other.back))
         return differ & self.judged(other)
 
-    def describe(self, i):
+    def describe(self, i: int) -> str:
         """Motion at one value: engaged, or class and depth."""
         if not self.ok[i]:
             return "not reached" if self.status[i] == Status.UNFINISHED else "failed"
@@ -114,7 +120,7 @@ class _Branch:
             f"no period, {self.impacts[i]:.3g} {self.law.word}s per cycle")
         return f"{name}, {1e6 * self.depth[i]:.4g} µrad"
 
-    def alike(self, i, j):
+    def alike(self, i: int, j: int) -> bool:
         """Whether class, and being apart at all, are the same at two values."""
         return self.period[i] == self.period[j] and (
             not self.period[i] or self.chatter[i] or self.chatter[j]
@@ -122,7 +128,8 @@ class _Branch:
             self.rattles[i] == self.rattles[j])
 
 
-def _places(runs, branches, values, unit):
+def _places(runs: list[list[int]], branches: dict[str, _Branch], values: NDArray[Any],
+            unit: str) -> str:
     """Where the branches differ, in words."""
     wide = [run for run in runs if run[1] > run[0]]
     single = [first for first, last in runs if last == first]
@@ -136,12 +143,13 @@ def _places(runs, branches, values, unit):
     return " and ".join(parts)
 
 
-def _list(runs, values):
+def _list(runs: list[list[int]], values: NDArray[Any]) -> str:
     return ", ".join(f"{values[a]:g}" if a == b else f"{values[a]:g}–{values[b]:g}"
                      for a, b in runs)
 
 
-def _table(runs, branches, values, unit):
+def _table(runs: list[list[int]], branches: dict[str, _Branch], values: NDArray[Any],
+           unit: str) -> list[str]:
     """Each interval with the motions at its middle, and the jumps at its ends."""
     left_out = len(runs) - TABLE_LINES
     shown = sorted(sorted(runs, key=lambda run: values[run[0]] - values[run[1]])[:TABLE_LINES])
@@ -160,7 +168,7 @@ def _table(runs, branches, values, unit):
             "chatter:", "", *markdown(rows)]
 
 
-def _rest(branches, i):
+def _rest(branches: dict[str, _Branch], i: int) -> str:
     """Which of the two the motion from rest is."""
     if "rest" not in branches:
         return "–"
@@ -170,7 +178,7 @@ def _rest(branches, i):
     return names[0] if names else branches["rest"].describe(i)
 
 
-def _jump(branches, values, inside, outside):
+def _jump(branches: dict[str, _Branch], values: NDArray[Any], inside: int, outside: int) -> str:
     """Which branches change their motion between the end of an interval and the value next to it.
 
     A branch jumps where its class changes, or its depth by more than half of what parts the two
@@ -190,7 +198,7 @@ def _jump(branches, values, inside, outside):
     return f"{values[first]:g} to {values[last]:g}: " + ("; ".join(jumps) or "gradual")
 
 
-def _runs(flags):
+def _runs(flags: NDArray[Any]) -> list[list[int]]:
     """First and last index of each run of flags."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
     return (edges.reshape(-1, 2) - (0, 1)).tolist()

@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
 
 from lapwing.report.words import plural
 from lapwing.results.curve import SHARE_THAT_DECIDES
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from lapwing.model.curve.fit import CurveFit
 
 # Residuals less likely than this do not go with the noise level that was stated.
 _UNLIKELY = 1e-3
@@ -14,7 +20,7 @@ _ARCSEC = math.pi / 648_000
 _ORDERS_TOLD = 8
 
 
-def curve_source(name, curve, samples):
+def curve_source(name: str, curve: CurveFit | None, samples: int | None) -> str:
     """Source of a transmission error in a few words: its file, and what was made of it.
 
     Parameters
@@ -30,7 +36,7 @@ def curve_source(name, curve, samples):
     return f"{name}, {samples} samples used raw" if samples else name
 
 
-def curve_sentences(attrs):
+def curve_sentences(attrs: dict[str, Any]) -> list[str]:
     """What was done with samples, and what to beware of.
 
     Parameters
@@ -46,7 +52,7 @@ def curve_sentences(attrs):
     return [_how(attrs), *warnings(attrs)]
 
 
-def warnings(attrs):
+def warnings(attrs: dict[str, Any]) -> list[str]:
     """What a reader must beware of; attributes as for `curve_sentences`, or of a critical value."""
     found = []
     share, above = attrs.get("high_order_share", math.nan), attrs.get("high_order_above", 0)
@@ -66,11 +72,11 @@ def warnings(attrs):
     return found
 
 
-def _percent(share):
+def _percent(share: float) -> str:
     return f"{100 * share:.2g} %" if share < 10 else f"{share:.2g} times as much as all"
 
 
-def _how(attrs):
+def _how(attrs: dict[str, Any]) -> str:
     count = f"{int(attrs['samples'])} samples"
     if attrs["curve"] == "samples":
         return (f"The {count} of the transmission error are used raw: the curve passes through "
@@ -86,12 +92,12 @@ def _how(attrs):
             f"has no order above {attrs['curve_wide_order']}.")
 
 
-def has_interval(attrs):
+def has_interval(attrs: dict[str, Any]) -> bool:
     """Whether a critical value has an interval from the noise of samples."""
     return "low" in attrs and attrs["outcome"] == "found"
 
 
-def value_and_interval(attrs):
+def value_and_interval(attrs: dict[str, Any]) -> tuple[str, str]:
     """Such a value to the digits that its interval leaves, and the interval, both in words."""
     value, ends = attrs["estimate"], (attrs["low"], attrs["high"])
     known = [end for end in ends if math.isfinite(end)]
@@ -103,7 +109,7 @@ def value_and_interval(attrs):
         "the samples)"
 
 
-def critical_words(critical, unit):
+def critical_words(critical: xr.Dataset, unit: str) -> str:
     """What the noise of samples leaves of a critical value, one or more sentences; or nothing."""
     attrs = critical.attrs
     if attrs.get("curve") == "samples" and attrs["outcome"] == "found":
@@ -130,14 +136,14 @@ def critical_words(critical, unit):
     return text + "".join(f" {text}" for text in warnings(attrs))
 
 
-def _brief(value, low, high):
+def _brief(value: float, low: float, high: float) -> str:
     """An estimate with its limits in brackets."""
     width = high - low
     places = max(0, 1 - math.floor(math.log10(width))) if 0 < width < math.inf else 3
     return f"{value:.{places}f} ({low:.{places}f} to {high:.{places}f})"
 
 
-def torque_words(attrs, unit):
+def torque_words(attrs: dict[str, Any], unit: str) -> str:
     """T_full of a sweep, with the interval where samples leave one."""
     low, high = (attrs.get(f"full_engagement_{end}", math.nan) for end in ("low", "high"))
     if math.isfinite(low) and math.isfinite(high):
@@ -145,7 +151,7 @@ def torque_words(attrs, unit):
     return f"{attrs['full_engagement']:.10g} {unit}"
 
 
-def motion_words(attrs):
+def motion_words(attrs: dict[str, Any]) -> str:
     """To what motions other curves lead; empty where none were tried."""
     if "repeat_classes" not in attrs:
         return ""
@@ -159,7 +165,7 @@ def motion_words(attrs):
             f"might give: {attrs['repeat_classes']}" + f"; {ranges} (95 %)" * bool(ranges) + ".")
 
 
-def noise_findings(criticals):
+def noise_findings(criticals: Any) -> list[str]:
     """What the noise of samples leaves of the torques found, for the findings.
 
     Parameters

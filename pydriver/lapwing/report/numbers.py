@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ GREATEST = ("deepest_separation", "deepest_back_penetration", "mesh_force_peak",
 DIGITS = 4
 
 
-def with_error(value, error, word="error"):
+def with_error(value: float, error: float, word: str = "error") -> str:
     """`value (error 0.1)`, the value to the digits its error leaves, at most `DIGITS`.
 
     An error of a number, not of zero, that is too small to touch the digits shown is left out.
@@ -44,19 +45,19 @@ def with_error(value, error, word="error"):
     return text if word == "±" else text.replace(" ", " (", 1) + ")"
 
 
-def _plain(value, digits):
+def _plain(value: float, digits: int) -> str:
     """A number to so many digits, one at least, without an exponent where it can be avoided."""
     text = f"{value:.{max(digits, 1)}g}"
     return f"{float(text):g}" if "e" in text else text
 
 
-def _up(error):
+def _up(error: float) -> float:
     """An error rounded up to one digit: it is never told too small."""
     step = 10.0 ** math.floor(math.log10(error))
     return step * math.ceil(error / step * (1 - 1e-12))
 
 
-def value_words(attrs, key, factor=1.0, brief=False):
+def value_words(attrs: dict[str, Any], key: str, factor: float = 1.0, brief: bool = False) -> str:
     """One number with what is known of its error, by name; a greatest value seen as such."""
     word, error = uncertainty(attrs, key)
     text = with_error(factor * attrs[key], abs(factor) * error, word)
@@ -65,7 +66,7 @@ def value_words(attrs, key, factor=1.0, brief=False):
     return {"change": "≈ ", "seen": "≥ " if brief else ""}.get(word, "") + text
 
 
-def uncertainty(attrs, key):
+def uncertainty(attrs: dict[str, Any], key: str) -> tuple[str, float]:
     """What is known of a number: 'error', '±', 'change' or (the greatest one) 'seen', and how much.
 
     An estimate of the error where the motion repeats and both runs agree on that; a 95 % interval
@@ -83,12 +84,12 @@ def uncertainty(attrs, key):
     return "change", float(np.fmax(change, abs(attrs.get(f"{key}_transient", math.nan))))
 
 
-def repeats(attrs):
+def repeats(attrs: dict[str, Any]) -> bool:
     """Whether the motion has a period."""
     return bool(attrs["period"])
 
 
-def count_words(attrs, side):
+def count_words(attrs: dict[str, Any], side: str) -> str:
     """Arrivals per cycle at a flank, `side` being '' (drive) or 'back_', likewise."""
     key = f"{side}impacts_per_cycle"
     word, error = uncertainty(attrs, key)
@@ -98,7 +99,7 @@ def count_words(attrs, side):
     return "≈ " * rough + with_error(attrs[key], error, word)
 
 
-def doubtful(attrs):
+def doubtful(attrs: dict[str, Any]) -> bool:
     """Whether the second run ends in a motion of another class."""
     return bool(not attrs["status"] and not attrs["status_reference"]
                 and attrs["motion_class_reference"] != attrs["motion_class"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
 
 from lapwing.base.arrivals import arrivals_in
 from lapwing.base.codes import MotionState
@@ -10,6 +11,11 @@ from lapwing.report.measured import motion_words
 from lapwing.report.numbers import count_words, doubtful, repeats, uncertainty, value_words
 from lapwing.report.stability import aperiodic_words, stability_sentence
 from lapwing.report.words import markdown, method_words, plural
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from lapwing.results.file import Results
 
 # A change between the halves of the record below this part of the number, or of its error, is
 # rounding or chance and is not reported as a transient.
@@ -19,13 +25,13 @@ IN_TABLE = ("impacts_per_cycle", "back_impacts_per_cycle", "deepest_separation",
             "mesh_force_peak", "impact_energy_per_cycle")
 
 
-def table(responses):
+def table(responses: list[xr.Dataset]) -> list[str]:
     """The summary's table of responses; see `registry`."""
     attributes = [one.attrs for one in responses]
     return ["", "## Responses", "", *_table(attributes), "", *_legend(attributes)]
 
 
-def section(responses, results):
+def section(responses: list[xr.Dataset], results: Results) -> list[str]:
     """What the summary says of each response; see `registry`."""
     lines = ["", "## The responses, one by one"]
     for one in responses:
@@ -33,7 +39,7 @@ def section(responses, results):
     return lines
 
 
-def headline(response):
+def headline(response: xr.Dataset) -> str:
     """The main result in one line."""
     attrs = response.attrs
     if attrs["status"]:
@@ -49,7 +55,7 @@ def headline(response):
             + "; the second run gives another motion" * doubtful(attrs))
 
 
-def _table(responses):
+def _table(responses: list[dict[str, float]]) -> list[str]:
     """One line for each response, the source's claim beside it."""
     claimed = any(_claim(one) for one in responses)
     rows = [("response", "brake torque (N·m)", "motion", f"{_arrivals(responses)} per cycle, "
@@ -72,12 +78,12 @@ def _table(responses):
     return markdown(rows)
 
 
-def _arrivals(responses):
+def _arrivals(responses: list[dict[str, float]]) -> str:
     """What is counted, in the plural: one word, or both where the responses have both."""
     return " or ".join(sorted({arrivals_in(one).word + "s" for one in responses}))
 
 
-def _legend(responses):
+def _legend(responses: list[dict[str, float]]) -> list[str]:
     """How to read the table."""
     rules = sorted({(arrivals_in(one).word, arrivals_in(one).rule(one["count_depth"])
                      + " separation" * arrivals_in(one).threshold) for one in responses})
@@ -108,17 +114,17 @@ def _legend(responses):
             "it, as it may under the absolute law." * fed]
 
 
-def _motion(attrs):
+def _motion(attrs: dict[str, Any]) -> str:
     chatter = ", complete chatter" if attrs["chatter_ends_per_cycle"] > 0 else ""
     return (f"period {attrs['period']}" if attrs["period"] else "no period") + chatter
 
 
-def _on_coast_flank(attrs):
+def _on_coast_flank(attrs: dict[str, Any]) -> bool:
     """Whether the teeth press on the coast flank throughout."""
     return attrs["states_visited"] == 1 << MotionState.BACK_ENGAGEMENT
 
 
-def _contact(attrs):
+def _contact(attrs: dict[str, Any]) -> str:
     if attrs["fully_engaged"]:
         return "engaged throughout"
     if _on_coast_flank(attrs):
@@ -128,7 +134,7 @@ def _contact(attrs):
     return ", ".join(visited)
 
 
-def _claim(attrs):
+def _claim(attrs: dict[str, Any]) -> str:
     """What the source says of this response, in one cell."""
     parts = []
     if "claim_impacts_per_cycle" in attrs:
@@ -139,7 +145,7 @@ def _claim(attrs):
     return ", ".join(parts) + (f" (“{text}”)" if parts and text else text)
 
 
-def _paragraph(attrs):
+def _paragraph(attrs: dict[str, Any]) -> str:
     """One response in sentences."""
     torque = f"At {attrs['brake_torque']:g} N·m"
     run = (f"{plural(attrs['record_cycles'], 'cycle')} recorded after {attrs['settle_cycles']}, "
@@ -173,12 +179,12 @@ def _paragraph(attrs):
     return " ".join(sentence for sentence in sentences if sentence)
 
 
-def _times(attrs, side):
+def _times(attrs: dict[str, Any], side: str) -> str:
     text = count_words(attrs, side)
     return text + (" time" if text == "1" else " times")
 
 
-def _energy_sentence(attrs):
+def _energy_sentence(attrs: dict[str, Any]) -> str:
     """What the impacts take, or what the motion gains: the absolute law may feed energy in."""
     if attrs["impact_energy_per_cycle"] < 0:
         return ("In the impacts the motion gains "
@@ -187,7 +193,7 @@ def _energy_sentence(attrs):
             "cycle.")
 
 
-def _impact_words(attrs):
+def _impact_words(attrs: dict[str, Any]) -> list[str]:
     """How fast an arrival is, and how hard where it is an impact; none where nothing arrived."""
     if not math.isfinite(attrs.get("impact_speed_mean", math.nan)):
         return []
@@ -200,7 +206,7 @@ def _impact_words(attrs):
             "bounce counted)."]
 
 
-def _times_of_states(attrs):
+def _times_of_states(attrs: dict[str, Any]) -> str:
     """Shares of time of the motion states, where there is more than one."""
     if attrs["fully_engaged"] or "time_separated" not in attrs:
         return ""
@@ -211,7 +217,7 @@ def _times_of_states(attrs):
                                         for share, words in shares if share > 0) + "."
 
 
-def _speed_sentence(attrs):
+def _speed_sentence(attrs: dict[str, Any]) -> str:
     """Mean speed of a response with two degrees of freedom."""
     if "mean_speed_last" not in attrs:
         return ""
@@ -223,7 +229,7 @@ def _speed_sentence(attrs):
             f"the mesh is that of the nominal {attrs['nominal_speed']:.6g} rad/s all the time.")
 
 
-def _motion_sentence(attrs):
+def _motion_sentence(attrs: dict[str, Any]) -> str:
     chatter = ""
     if attrs["chatter_ends_per_cycle"] > 0:
         number = float(f"{attrs['chatter_ends_per_cycle']:.4g}")
@@ -235,7 +241,7 @@ def _motion_sentence(attrs):
     return f"the motion repeats {cycles}, class {attrs['motion_class']}{chatter}."
 
 
-def _force_sentence(attrs):
+def _force_sentence(attrs: dict[str, Any]) -> str:
     if not math.isfinite(attrs["mesh_force_mean"]):
         return "The rigid law has no spring, hence no mesh force is given."
     impulse, factor = attrs["impact_force_mean"], attrs.get("dynamic_factor", math.nan)
@@ -245,7 +251,7 @@ def _force_sentence(attrs):
             + f" (dynamic factor {factor:.4g})" * math.isfinite(factor) + ".")
 
 
-def _comparison(attrs):
+def _comparison(attrs: dict[str, Any]) -> str:
     """The source's numbers against these."""
     parts = []
     impact = "impact" if attrs.get("claim_impacts_per_cycle") == 1 else "impacts"
@@ -269,7 +275,7 @@ def _comparison(attrs):
            f"{' and '.join(parts)}."
 
 
-def _trust(attrs):
+def _trust(attrs: dict[str, Any]) -> str:
     """What the two tolerances and the two halves of the record say."""
     other = attrs["motion_class_reference"]
     if attrs["status_reference"]:
@@ -304,7 +310,7 @@ def _trust(attrs):
     return sentence.strip()
 
 
-def _drifts(attrs, key):
+def _drifts(attrs: dict[str, Any], key: str) -> bool:
     # Older files have the change between the runs as the error.
     change = attrs.get(f"{key}_change", attrs[f"{key}_error"])
     limit = max(SETTLED * abs(attrs[key]), change)

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.codes import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # A check that a sum of some hundred roundings keeps; more is an error of the program.
 BROKEN = 1e-10
 
 
-def stability_sentence(attrs):
+def stability_sentence(attrs: dict[str, Any]) -> str:
     """How small deviations of one response fare; empty where nothing was recorded.
 
     Parameters
@@ -38,13 +43,13 @@ def stability_sentence(attrs):
     return f"{text}{_exponent(attrs)}." + _confirmed(attrs) + _checks(attrs)
 
 
-def aperiodic_words(attrs):
+def aperiodic_words(attrs: dict[str, Any]) -> str:
     """Reason why a response has no period, to follow the statement; empty if none is known."""
     reason = attrs.get("aperiodic_reason", "")
     return f" ({reason})" if reason else ""
 
 
-def _confirmed(attrs):
+def _confirmed(attrs: dict[str, Any]) -> str:
     """What Newton's method says of the period, where it does not agree."""
     found = attrs.get("orbit_period", attrs["period"])
     if found == attrs["period"]:
@@ -55,11 +60,11 @@ def _confirmed(attrs):
     return " **Newton's method finds no orbit of this period beside it.**"
 
 
-def _cycles(period):
+def _cycles(period: int) -> str:
     return "one mesh cycle" if period == 1 else f"{period} mesh cycles"
 
 
-def _multipliers(attrs):
+def _multipliers(attrs: dict[str, Any]) -> str:
     """Both multipliers, or the one that chatter leaves."""
     real, imag = (np.atleast_1d(attrs[f"multiplier_{part}"]) for part in ("real", "imag"))
     if attrs["tangent_rank"] == 1:
@@ -69,7 +74,7 @@ def _multipliers(attrs):
     return f"{real[0]:.4g} and {real[1]:.4g}"
 
 
-def _exponent(attrs):
+def _exponent(attrs: dict[str, Any]) -> str:
     """The largest exponent per mesh cycle and per τ, with its 95 % interval where there is one."""
     rate, error = attrs["lyapunov_exponent"], attrs["lyapunov_exponent_error"]
     cycle = attrs["lyapunov_exponent_per_cycle"]
@@ -81,12 +86,12 @@ def _exponent(attrs):
             "per τ; 95 %, by batch means)")
 
 
-def _checks(attrs):
+def _checks(attrs: dict[str, Any]) -> str:
     worst = max(attrs["determinant_defect"], attrs["sum_rule_defect"])
     return f" **The sum rule is broken by {worst:.1e}.**" if worst > BROKEN else ""
 
 
-def sweep_stability(sweep, unit):
+def sweep_stability(sweep: xr.Dataset, unit: str) -> list[str]:
     """Lines of a sweep: where it is chaotic, warnings, checks; none without exponents."""
     if "lyapunov_exponent" not in sweep:
         return []
@@ -116,11 +121,11 @@ def sweep_stability(sweep, unit):
             f"{worst['determinant_defect']:.1e}, sum rule within {worst['sum_rule_defect']:.1e}"]
 
 
-def _counted(flags, done):
+def _counted(flags: NDArray[Any], done: NDArray[Any]) -> str:
     return f"{int(flags.sum())} of {int(done.sum())} motions"
 
 
-def _largest(sweep, chaotic, unit):
+def _largest(sweep: xr.Dataset, chaotic: NDArray[Any], unit: str) -> str:
     cycle = np.where(chaotic, sweep["lyapunov_exponent_per_cycle"].values, -math.inf)
     start, at = np.unravel_index(np.argmax(cycle), cycle.shape)
     value = sweep[sweep["status"].dims[1]].values[at]

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from lapwing.base.registry import told
 from lapwing.report.answers.findings import findings, findings_lines
 from lapwing.report.measured import curve_sentences
 
+if TYPE_CHECKING:
+    import xarray as xr
 
-def summary_text(results):
+    from lapwing.results.file import Results
+
+
+def summary_text(results: Results) -> str:
     """The summary of a result file.
 
     Parameters
@@ -37,14 +43,14 @@ def summary_text(results):
     return "\n".join([*lines, "", "## Provenance", "", *_provenance(results)]) + "\n"
 
 
-def studies_in(results):
+def studies_in(results: Results) -> tuple[list[xr.Dataset], list[xr.Dataset], list[xr.Dataset]]:
     """Datasets of the responses, critical values and sweeps of a result file, in its order."""
     return ([results.response(name) for name in results.responses],
             [results.critical(name) for name in results.criticals],
             [results.sweep(name) for name in results.sweeps])
 
 
-def _missing(results):
+def _missing(results: Results) -> list[str]:
     """The studies of the deck that have no result, by name; none where all have."""
     nothing = not any(results.studies.values())
     if not (nothing or results.missing):
@@ -55,7 +61,7 @@ def _missing(results):
         + [f"No result: {names}."] * bool(names) + ["Nothing is known."] * nothing)]
 
 
-def _gear(results):
+def _gear(results: Results) -> list[str]:
     """What was computed: gear, transmission error, laws."""
     responses = [results.response(name).attrs for name in results.responses]
     pair, table = results.gear_pair, results.transmission_error.attrs
@@ -75,7 +81,7 @@ def _gear(results):
     return [" ".join(lines)]
 
 
-def _provenance(results):
+def _provenance(results: Results) -> list[str]:
     attrs = results.attrs
     return [f"Lapwing {attrs['lapwing_version']} ({attrs['compiler']}, {attrs['build_flags']}, "
             f"{attrs['build_type']}) on {attrs['cpu']}; Python {attrs['python_version']}, NumPy "

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.arrivals import arrivals_in, per_cycle
 from lapwing.base.codes import Status
@@ -13,17 +16,22 @@ from lapwing.report.stability import sweep_stability
 from lapwing.report.words import markdown, method_words, parameter_unit, parameter_words, plural
 from lapwing.results.findings import START_NAMES, known, names, rattles, span, words_beyond
 
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from lapwing.results.file import Results
+
 # A sweep is told in about so many lines, spread over its range.
 TABLE_LINES = 12
 
 
-def section(sweeps, results):
+def section(sweeps: list[xr.Dataset], results: Results) -> list[str]:
     """The summary's part on sweeps; see `registry`."""
     return [line for one in sweeps
             for line in ("", f"## Sweep {one.attrs['name']}", "", *sweep_text(one))]
 
 
-def headline(sweep):
+def headline(sweep: xr.Dataset) -> str:
     """Points that have a result, and why others have none."""
     status = sweep["status"].values
     done, open_ = (int((status == one).sum()) for one in (Status.OK, Status.UNFINISHED))
@@ -33,7 +41,7 @@ def headline(sweep):
             + f"; {open_} not reached" * bool(open_) + f"; {failed} failed" * bool(failed))
 
 
-def sweep_text(sweep):
+def sweep_text(sweep: xr.Dataset) -> list[str]:
     """Findings of one sweep, as a list; each says on which values it was judged.
 
     Parameters
@@ -68,7 +76,7 @@ def sweep_text(sweep):
     return [*lines, *coexisting[1:], "", *_table(sweep, values, unit)]
 
 
-def _extent(sweep, unit):
+def _extent(sweep: xr.Dataset, unit: str) -> str:
     """What was swept, and how much of it there is."""
     attrs, status = sweep.attrs, sweep["status"].values
     values = sweep[attrs["parameter"]].values
@@ -85,7 +93,7 @@ def _extent(sweep, unit):
             + f", **{unfinished} not reached**" * bool(unfinished))
 
 
-def _full_engagement(sweep, unit):
+def _full_engagement(sweep: xr.Dataset, unit: str) -> list[str]:
     """From where contact can be kept, and what was seen to rattle above."""
     value = sweep.attrs.get("full_engagement", np.nan)
     if not np.isfinite(value):
@@ -96,7 +104,7 @@ def _full_engagement(sweep, unit):
             f"{words_beyond(sweep, value, unit)}"]
 
 
-def _table(sweep, values, unit):
+def _table(sweep: xr.Dataset, values: NDArray[Any], unit: str) -> list[str]:
     """Some values of a sweep, spread evenly over it, of the motions from rest if there are any."""
     starts = [str(start) for start in sweep["start"].values]
     results = known(sweep).sum(axis=1)
@@ -122,7 +130,7 @@ def _table(sweep, values, unit):
     return [f"{which}, {START_NAMES.get(starts[start], starts[start])}:", "", *markdown(rows)]
 
 
-def _largest(sweep, values, seen, unit):
+def _largest(sweep: xr.Dataset, values: NDArray[Any], seen: NDArray[Any], unit: str) -> str:
     """Largest value at which something was seen and what is known above it, for each start."""
     found = {}
     for start, done, hit in zip(sweep["start"].values, known(sweep), seen, strict=True):
@@ -130,7 +138,7 @@ def _largest(sweep, values, seen, unit):
     return "; ".join(f"{words} ({names(starts)})" for words, starts in found.items())
 
 
-def _largest_of(values, done, seen, unit):
+def _largest_of(values: NDArray[Any], done: NDArray[Any], seen: NDArray[Any], unit: str) -> str:
     """The same for one start, in words."""
     if not done.any():
         return f"not known (no result at {plural(values.size, 'value')})"

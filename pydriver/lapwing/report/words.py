@@ -1,30 +1,34 @@
 """What the parts of a summary share: units, tables, plurals."""
 
+from __future__ import annotations
+
+from typing import Any
+
 from lapwing.base.quantities import parameter
 
 
-def parameter_unit(name):
+def parameter_unit(name: str) -> str:
     """Unit of a parameter as a person reads it; empty for a bare number."""
     return parameter(name).shown
 
 
-def parameter_words(name):
+def parameter_words(name: str) -> str:
     """A parameter in words, without its unit."""
     return parameter(name).words
 
 
-def markdown(rows):
+def markdown(rows: list[tuple[str, ...]]) -> list[str]:
     """Lines of a table; the first row is its heading."""
     lines = ["| " + " | ".join(row) + " |" for row in rows]
     return [lines[0], "|---" * len(rows[0]) + "|", *lines[1:]]
 
 
-def plural(number, word):
+def plural(number: float, word: str) -> str:
     """Number and word, the word with an s unless the number is one."""
     return f"{number:g} {word}" + "s" * bool(number != 1)
 
 
-def method_words(attrs):
+def method_words(attrs: dict[str, Any]) -> str:
     """How the motion was followed: 'in closed form', or rk4 and its tolerance."""
     if attrs["method"] == "exact":
         return "in closed form"

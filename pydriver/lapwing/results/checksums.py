@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -101,7 +102,7 @@ def _of_array(values: np.ndarray) -> str:
     return hashlib.sha256(head + content).hexdigest()
 
 
-def _of_attributes(group) -> str:
+def _of_attributes(group: Any) -> str:
     owners = {"": group, **group.variables}
     content = {f"{owner}:{name}": _plain(holder.getncattr(name))
                for owner, holder in owners.items() for name in holder.ncattrs()
@@ -109,7 +110,7 @@ def _of_attributes(group) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def _plain(value):
+def _plain(value: Any) -> Any:
     """An attribute as JSON tells it apart: numbers by their shortest exact spelling."""
     return value if isinstance(value, str) else [str(np.asarray(value).dtype),
                                                  repr(np.asarray(value).tolist())]

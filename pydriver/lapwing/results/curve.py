@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from lapwing.model.curve.fit import CurveFit
 
 # A part of the critical force larger than this decides it.
 SHARE_THAT_DECIDES = 0.1
@@ -18,7 +24,10 @@ DESCRIPTIONS = {
     "curve_curvature_high": ("rad", "upper limit of the curvature, per mesh period squared, 95 %")}
 
 
-def curve_variables(curve, samples=None):
+def curve_variables(
+        curve: CurveFit | None,
+        samples: tuple[NDArray[Any], NDArray[Any], NDArray[Any]] | None = None) -> tuple[
+            dict[str, Any], dict[str, Any]]:
     """Variables and attributes of the group `transmission_error` for measured samples.
 
     Parameters
@@ -33,6 +42,7 @@ def curve_variables(curve, samples=None):
     if curve is None and samples is None:
         return {}, {}
     if curve is None:
+        assert samples is not None
         phase, value, _ = samples
         return _described({"sample_phase": ("sample", phase), "sample_value": ("sample", value)}), \
             {"curve": "samples", "samples": phase.size}
@@ -50,12 +60,13 @@ def curve_variables(curve, samples=None):
         "residual_excess": curve.residual_excess()}
 
 
-def _described(variables):
+def _described(variables: dict[str, tuple[str, NDArray[Any]]]) -> dict[
+        str, tuple[str, NDArray[Any], Any]]:
     return {name: (*content, dict(zip(("units", "long_name"), DESCRIPTIONS[name], strict=True)))
             for name, content in variables.items()}
 
 
-def _bands(curve, phase):
+def _bands(curve: CurveFit, phase: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Pointwise 95 % limits of the curvature, and the standard error of the value, without bias."""
     from scipy.stats import norm, t
 

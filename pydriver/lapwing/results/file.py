@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import os
 import platform
+from collections.abc import Hashable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -25,7 +26,10 @@ from lapwing.results.store import Manifest, flush, os_errors, sha256_of
 from lapwing.results.variables import FAILED, described
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from lapwing.model.gear_pair import GearPair
+    from lapwing.model.transmission_error.table import TransmissionError
 
 CONVENTIONS = "CF-1.11"
 # Variables larger than this are compressed; the rest is small beside the file's own overhead.
@@ -34,8 +38,11 @@ DERIVED = ("gear_ratio", "equivalent_inertia", "natural_frequency", "torsional_s
            "force_per_torque")
 
 
-def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te, te_sign, found,
-                  te_source=None, measured=({}, {}), interrupted=False, studies=()):
+def write_results(path: Path, *, deck_name: str, deck_text: str, used_text: str, used_hash: Any,
+                  pair: GearPair, te: TransmissionError, te_sign: str,
+                  found: dict[str, dict[str, xr.Dataset]], te_source: str | None = None,
+                  measured: tuple[dict[str, Any], dict[str, Any]] = ({}, {}),
+                  interrupted: bool = False, studies: Any = ()) -> dict[str, str]:
     """Write the result file under a temporary name, flush it to the disk, and rename it.
 
     A reader sees the old file or the new one, never a part.  The same arguments give the same
@@ -84,31 +91,33 @@ def write_results(path, *, deck_name, deck_text, used_text, used_hash, pair, te,
     with held(), os_errors(path.parent):
         try:
             _write_groups(aside, groups)
-            found = store_checksums(aside)
+            stored = store_checksums(aside)
             flush(aside)
             os.replace(aside, path)
             flush(path.parent)
         finally:
             aside.unlink(missing_ok=True)
-    return found
+    return stored
 
 
-def _write_groups(path, groups):
-    for mode, (name, dataset) in zip("w" + "a" * len(groups), groups.items(), strict=False):
+def _write_groups(path: Path, groups: dict[str | None, xr.Dataset]) -> None:
+    mode: Literal["w", "a"] = "w"
+    for name, dataset in groups.items():
         dataset = with_plain_text(described(dataset))
         dataset.to_netcdf(path, mode=mode, group=name, engine="netcdf4", format="NETCDF4",
                           encoding=_encoding(dataset))
+        mode = "a"
 
 
-def _encoding(dataset):
+def _encoding(dataset: xr.Dataset) -> dict[Hashable, dict[str, Any]]:
     """Compress what is large; whole numbers of failed runs are missing and read as NaN.
 
     Text is stored as characters, not as strings, which Fortran cannot read.
     """
-    encoding = {}
+    encoding: dict[Hashable, dict[str, Any]] = {}
     for name, variable in dataset.variables.items():
         small = variable.size <= COMPRESS_ABOVE or variable.dtype.kind not in "fiu"
-        packed = {} if small else {"zlib": True, "complevel": 4, "shuffle": True}
+        packed: dict[str, Any] = {} if small else {"zlib": True, "complevel": 4, "shuffle": True}
         if variable.dims and variable.size and variable.dtype.kind in "fiu":
             packed["fletcher32"] = True
         missing = variable.dtype.kind == "i" and np.any(variable.values == FAILED)
@@ -118,7 +127,7 @@ def _encoding(dataset):
     return encoding
 
 
-def _dataset(variables, attributes):
+def _dataset(variables: dict[str, Any], attributes: dict[str, Any]) -> xr.Dataset:
     import xarray as xr
 
     return xr.Dataset(variables, attrs=attributes)
@@ -130,7 +139,8 @@ def pair_attributes(pair: GearPair) -> dict[str, Any]:
     return {**given, **{name: getattr(pair, name) for name in DERIVED}, "damping_ratio": pair.xi}
 
 
-def _transmission_error(te, te_sign, gear_ratio, source, measured):
+def _transmission_error(te: TransmissionError, te_sign: str, gear_ratio: float, source: str,
+                        measured: tuple[dict[str, Any], dict[str, Any]]) -> xr.Dataset:
     variables, known = measured
     attributes = {"te_sign": te_sign, "flank_scale": TE_SIGNS[te_sign] * gear_ratio,
                   "peak_to_peak": te.peak_to_peak, "source": source, **known}
@@ -139,7 +149,7 @@ def _transmission_error(te, te_sign, gear_ratio, source, measured):
                      "kinks": ("piece", te.kinks.astype(np.int8))}, attributes)
 
 
-def _te_source(te):
+def _te_source(te: TransmissionError) -> str:
     """In words, what the table was made from."""
     if len(te.harmonics):
         return " + ".join(f"{amplitude:g} rad cos(2 pi {order:g} phase + {shift:g})"
@@ -149,12 +159,12 @@ def _te_source(te):
             f"kink{'s' * (kinks != 1)}")
 
 
-def _claims(responses):
+def _claims(responses: Any) -> list[dict[str, Any]]:
     """Attributes of the responses for which the deck says what somebody else reports."""
     return [one.attrs for one in responses if any(key.startswith("claim_") for key in one.attrs)]
 
 
-def _claimed(sweep, claims):
+def _claimed(sweep: xr.Dataset, claims: list[dict[str, Any]]) -> xr.Dataset:
     """A sweep with the claims at values of its parameter."""
     parameter = sweep["status"].dims[1]
     rows = [(attrs[parameter], attrs.get("claim_deepest_separation", np.nan),
@@ -169,7 +179,7 @@ def _claimed(sweep, claims):
     return sweep.assign(variables).assign_attrs(parameter=parameter)
 
 
-def provenance():
+def provenance() -> dict[str, str]:
     """What made the file: program, compiler, processor, libraries."""
     import netCDF4
     import xarray
@@ -183,14 +193,16 @@ def provenance():
             "xarray_version": xarray.__version__, "netcdf4_version": netCDF4.__version__}
 
 
-def engine_digest():
+def engine_digest() -> str:
     """SHA-256 (hex) of the compiled engine: only the same engine is sure to give the same bits."""
     from importlib.util import find_spec
 
-    return sha256_of(find_spec("lapwing._engine").origin)
+    found = find_spec("lapwing._engine")
+    assert found is not None and found.origin is not None
+    return sha256_of(found.origin)
 
 
-def _cpu():
+def _cpu() -> str:
     """Model of the processor, as far as the system tells."""
     try:
         with open("/proc/cpuinfo", encoding="utf-8", errors="replace") as file:
@@ -219,11 +231,11 @@ class Results:
     """
 
     path: Path
-    attrs: dict
-    gear_pair: dict
-    studies: dict
+    attrs: dict[str, Any]
+    gear_pair: dict[str, Any]
+    studies: dict[str, tuple[str, ...]]
     verified: bool = False
-    _open: dict = field(default_factory=dict, repr=False)
+    _open: dict[str, xr.Dataset] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
         return f"<Results {', '.join(f'{name}: {fact}' for name, fact in self._facts().items())}>"
@@ -238,54 +250,54 @@ class Results:
                 **({"interrupted": "yes"} if self.interrupted else {})}
 
     @property
-    def responses(self):
+    def responses(self) -> tuple[str, ...]:
         """Names of the responses."""
         return self.studies.get("response", ())
 
     @property
-    def sweeps(self):
+    def sweeps(self) -> tuple[str, ...]:
         """Names of the sweeps."""
         return self.studies.get("sweep", ())
 
     @property
-    def criticals(self):
+    def criticals(self) -> tuple[str, ...]:
         """Names of the searches for a critical value."""
         return self.studies.get("critical", ())
 
     @property
-    def transmission_error(self):
+    def transmission_error(self) -> xr.Dataset:
         """Dataset: knots, coefficients, kinks."""
         return self._group("transmission_error")
 
     @property
-    def interrupted(self):
+    def interrupted(self) -> bool:
         """Whether studies of the deck are missing or unfinished."""
         return bool(self.attrs.get("interrupted", 0))
 
     @property
-    def missing(self):
+    def missing(self) -> tuple[tuple[str, str], ...]:
         """(kind, name) of the studies that the deck asked for and that have no result."""
         asked = [tuple(line.split(" ", 1))
                  for line in str(self.attrs.get("studies", "")).splitlines()]
         return tuple((kind, name) for kind, name in asked if name not in self.studies[kind])
 
-    def study(self, kind, name):
+    def study(self, kind: str, name: str) -> xr.Dataset:
         """Dataset of one study, read on demand."""
         return self._group(f"{kind}_{name}")
 
-    def response(self, name):
+    def response(self, name: str) -> xr.Dataset:
         """Dataset of one response, read on demand."""
         return self.study("response", name)
 
-    def sweep(self, name):
+    def sweep(self, name: str) -> xr.Dataset:
         """Dataset of one sweep, read on demand."""
         return self.study("sweep", name)
 
-    def critical(self, name):
+    def critical(self, name: str) -> xr.Dataset:
         """Dataset of one search for a critical value, read on demand."""
         return self.study("critical", name)
 
-    def _group(self, group):
+    def _group(self, group: str) -> xr.Dataset:
         import xarray as xr
 
         if group not in self._open:
@@ -294,19 +306,19 @@ class Results:
             self._open[group] = as_of_today(opened, int(self.attrs.get("schema_version", 0)))
         return self._open[group]
 
-    def close(self):
+    def close(self) -> None:
         """Close every group that was read."""
         while self._open:
             self._open.popitem()[1].close()
 
-    def __enter__(self):
+    def __enter__(self) -> Results:
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: Any) -> None:
         self.close()
 
 
-def verify(path):
+def verify(path: Any) -> bool:
     """Whether a result file is known to hold what was written.
 
     Where a manifest beside it lists the file, its content is compared with that, else each variable
@@ -334,7 +346,7 @@ def verify(path):
     return verify_file(path)
 
 
-def read_results(path, check=True):
+def read_results(path: Any, check: bool = True) -> Results:
     """Open a result file, once it is known to be whole.
 
     Parameters
@@ -372,7 +384,7 @@ def read_results(path, check=True):
                        names, verified)
 
 
-def stored_studies(results):
+def stored_studies(results: Results) -> dict[tuple[str, str], xr.Dataset]:
     """The studies of an open result file as they were given to `write_results`.
 
     To be written again: unlike what `Results` hands out, whole numbers stay whole.

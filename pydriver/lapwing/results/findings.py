@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.codes import MotionState, Status
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 START_NAMES = {"rest": "each from rest", "up": "carried upwards", "down": "carried downwards"}
 ENGAGED = 1 << MotionState.ENGAGEMENT
@@ -29,22 +33,24 @@ class Evidence(NamedTuple):
     wanted: int
 
 
-def known(sweep):
+def known(sweep: xr.Dataset) -> NDArray[Any]:
     """Whether each point has a result: neither failed nor never reached."""
-    return sweep["status"].values == Status.OK
+    done: NDArray[Any] = sweep["status"].values == Status.OK
+    return done
 
 
-def rattles(sweep):
+def rattles(sweep: xr.Dataset) -> NDArray[Any]:
     """Whether some recorded cycle of each point saw anything but drive flank engagement.
 
     As in the search for T_safe: another motion state, or an impact. False where nothing is known.
     """
     visited, impacts = (sweep[name].transpose(..., "recorded_cycle").values
                         for name in ("states_visited", "impacts"))
-    return known(sweep) & np.any((visited != ENGAGED) | (impacts > 0), axis=-1)
+    seen: NDArray[Any] = known(sweep) & np.any((visited != ENGAGED) | (impacts > 0), axis=-1)
+    return seen
 
 
-def search_known(critical):
+def search_known(critical: Any) -> bool:
     """Whether what a search found rests on motions that were followed, not on failed ones alone."""
     attrs = critical.attrs
     if attrs["outcome"] == "found" or "trial_failed" not in critical:
@@ -56,7 +62,7 @@ def search_known(critical):
         or bool(critical["trial_rattling"].values[at].any())
 
 
-def search_bounded(critical):
+def search_bounded(critical: Any) -> bool:
     """Whether motions were seen to rattle at the unsafe end of a bracket, not to fail alone."""
     if critical.attrs["find"] != "safe" or critical.attrs["outcome"] != "found":
         return True
@@ -64,7 +70,7 @@ def search_bounded(critical):
     return bool(critical["trial_rattling"].values[at].any())
 
 
-def evidence_beyond(sweep, value):
+def evidence_beyond(sweep: xr.Dataset, value: float) -> list[Evidence]:
     """What each start shows at the values above one, T_full for instance.
 
     Parameters
@@ -83,7 +89,7 @@ def evidence_beyond(sweep, value):
                                          strict=True)]
 
 
-def words_beyond(sweep, value, unit=""):
+def words_beyond(sweep: xr.Dataset, value: float, unit: str = "") -> str:
     """Whether rattling was seen above a value, up to where, from which starts and values.
 
     Parameters
@@ -101,14 +107,15 @@ def words_beyond(sweep, value, unit=""):
     seen = [one for one in evidence if one.rattling.size]
     quiet = [one for one in evidence if one.looked.size and not one.rattling.size]
     blind = [one for one in evidence if not one.looked.size]
-    parts = []
+    parts: list[str] = []
     for last in sorted({one.rattling[-1] for one in seen}, reverse=True):
         starts = [one.start for one in seen if one.rattling[-1] == last]
         parts.append(f"{'' if parts else 'rattling seen up to '}{last:g} {unit}".rstrip()
                      + f" ({names(starts)})")
     for looked in sorted({tuple(one.looked) for one in quiet}):
         starts = [one.start for one in quiet if tuple(one.looked) == looked]
-        parts.append(f"{'none' if seen else 'no rattling seen'} at {span(looked, unit)} above it "
+        values = span(np.array(looked), unit)
+        parts.append(f"{'none' if seen else 'no rattling seen'} at {values} above it "
                      f"({names(starts)})")
     if blind:
         head = "" if parts else "what rattles above: "
@@ -116,13 +123,13 @@ def words_beyond(sweep, value, unit=""):
     return "; ".join(parts)
 
 
-def span(values, unit=""):
+def span(values: NDArray[Any], unit: str = "") -> str:
     """So many values, and from where to where: '3 values from 12 to 14 N·m'."""
     if len(values) == 1:
         return f"1 value, {values[0]:g} {unit}".rstrip()
     return f"{len(values)} values from {values[0]:g} to {values[-1]:g} {unit}".rstrip()
 
 
-def names(starts):
+def names(starts: list[str]) -> str:
     """Starts in words."""
     return ", ".join(START_NAMES.get(start, start) for start in starts)

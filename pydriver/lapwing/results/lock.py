@@ -7,6 +7,7 @@ import errno
 import os
 import socket
 from pathlib import Path
+from typing import Any
 
 
 class StoreError(Exception):
@@ -32,12 +33,12 @@ class FolderLock:
         where the lock file cannot be made.
     """
 
-    def __init__(self, folder: str | Path):
+    def __init__(self, folder: str | Path) -> None:
         folder = Path(folder)
         self.path = folder.parent / f".{folder.name}.lock"
         self._file = self._take(folder)
 
-    def _take(self, folder: Path):
+    def _take(self, folder: Path) -> Any:
         while True:
             file = open(self.path, "a+", encoding="utf-8")  # held until `release`
             try:
@@ -69,11 +70,11 @@ class FolderLock:
     def __enter__(self) -> FolderLock:
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: Any) -> None:
         self.release()
 
 
-def _lock(file) -> None:
+def _lock(file: Any) -> None:
     """Lock an open file, or raise BlockingIOError; nothing where the file system has no locks."""
     try:
         import fcntl

@@ -7,6 +7,7 @@ import json
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 MANIFEST = "manifest.json"
 # In a staging folder as long as it is not complete: nothing else in it is of any worth.
@@ -54,13 +55,13 @@ class Manifest:
     inputs: str = ""
     program: str = ""
     engine: str = ""
-    files: dict[str, dict] = field(default_factory=dict)
-    coming: dict[str, dict] = field(default_factory=dict)
+    files: dict[str, dict[str, Any]] = field(default_factory=dict)
+    coming: dict[str, dict[str, Any]] = field(default_factory=dict)
     variables: dict[str, str] = field(default_factory=dict)
     replaced: list[str] = field(default_factory=list)
 
     @classmethod
-    def of(cls, folder: Path, **told) -> Manifest:
+    def of(cls, folder: Path, **told: Any) -> Manifest:
         """List the files of a folder, which holds nothing else."""
         files = {path.name: {"size": path.stat().st_size, "sha256": sha256_of(path)}
                  for path in sorted(folder.iterdir()) if path.name not in (MANIFEST, MAKING)}
@@ -108,6 +109,6 @@ class Manifest:
             return error.strerror or str(error)
 
 
-def _checksum(content: dict) -> str:
+def _checksum(content: dict[str, Any]) -> str:
     text = json.dumps(content, sort_keys=True, ensure_ascii=True)
     return hashlib.sha256(text.encode()).hexdigest()

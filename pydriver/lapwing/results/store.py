@@ -23,6 +23,7 @@ import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from lapwing.results.lock import FolderLock, LockedError, StoreError
 from lapwing.results.manifest import (
@@ -50,7 +51,7 @@ class Staging:
     path : Path, where to write
     """
 
-    def __init__(self, folder: str | Path):
+    def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder)
         self.path = staging_of(self.folder)
 
@@ -60,7 +61,7 @@ class Staging:
         (self.path / MAKING).touch()
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: Any) -> None:
         recover(self.folder)
 
     def publish(self, manifest: Manifest, known: tuple[str, ...] = ()) -> tuple[str, ...]:

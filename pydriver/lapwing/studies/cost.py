@@ -14,10 +14,16 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from numpy.typing import NDArray
 
 from lapwing.base.registry import carried_out
+
+if TYPE_CHECKING:
+    from lapwing.deck.deck import Asked, Deck
 
 # Processor time for trying points, all decks together; the process ends after so many times as
 # much, and after `LIMIT` seconds on the clock, most of which a busy machine takes to begin it.
@@ -49,7 +55,8 @@ class Stage(NamedTuple):
     why: str = ""
 
 
-def stated(decks, threads, seconds=SECONDS, limit=LIMIT):
+def stated(decks: list[Deck], threads: int, seconds: float = SECONDS,
+           limit: float = LIMIT) -> list[str]:
     """What `check` says of the time that each deck takes.
 
     Parameters
@@ -68,7 +75,7 @@ def stated(decks, threads, seconds=SECONDS, limit=LIMIT):
     return [words(list(stages.values()), threads) for stages in found]
 
 
-def names_of(deck):
+def names_of(deck: Deck) -> list[str]:
     """Names of a deck's stages, in the order they are carried out."""
     names = []
     for study in carried_out():
@@ -80,12 +87,12 @@ def names_of(deck):
     return names
 
 
-def changed(asked, **values):
+def changed(asked: Asked, **values: Any) -> Asked:
     """A study asked for, with other values."""
     return replace(asked, resolved=asked.resolved | values)
 
 
-def words(stages, threads):
+def words(stages: list[Stage], threads: int) -> str:
     """The estimate of one deck in words.
 
     Parameters
@@ -108,7 +115,7 @@ def words(stages, threads):
             + f"; not counted, for it is not known: {unknown}" * bool(unknown))
 
 
-def spell(seconds):
+def spell(seconds: float) -> str:
     """A time in words, two digits: `0.042 s`, `3.5 min`; below a millisecond there is none."""
     if seconds < 0.001:
         return "0 s"
@@ -116,12 +123,13 @@ def spell(seconds):
     return f"{float(f'{seconds / size:.2g}'):.10g} {unit}"
 
 
-def spell_part(part):
+def spell_part(part: float) -> str:
     """A part in words: `all`, `3.1 %`."""
     return "all" if part == 1 else f"{100 * part:.2g} %"
 
 
-def stages_of(deck, threads, seconds, clock=time.process_time):
+def stages_of(deck: Deck, threads: int, seconds: float,
+              clock: Any = time.process_time) -> Iterator[Any]:
     """Estimate the stages of a deck, one after the other, as they are carried out.
 
     1. Each study gets an equal part of the time that is left, and estimates itself
@@ -159,7 +167,8 @@ def stages_of(deck, threads, seconds, clock=time.process_time):
             yield _together(names.pop(0), alone, threads)
 
 
-def _guarded(estimate, name, deck, asked, seconds, clock, threads):
+def _guarded(estimate: Callable[..., Any], name: str, deck: Deck, asked: Asked, seconds: float,
+             clock: Any, threads: int) -> Any:
     """The stage that a study's `estimate` finds, or why there is none."""
     if seconds <= 0:
         return Stage(name, why=UNTRIED)
@@ -170,7 +179,7 @@ def _guarded(estimate, name, deck, asked, seconds, clock, threads):
         return Stage(name, why="a trial failed")
 
 
-def _together(name, stages, threads):
+def _together(name: str, stages: list[Any], threads: int) -> Any:
     """Studies computed side by side."""
     lacking = next((stage.why for stage in stages if stage.why), "")
     if lacking:
@@ -179,12 +188,13 @@ def _together(name, stages, threads):
                          for end in ("low", "high")), min(stage.part for stage in stages))
 
 
-def shared(times, threads):
+def shared(times: list[float], threads: int) -> float:
     """Time that parts take side by side: none is cut."""
     return max(math.fsum(times) / threads, *times)
 
 
-def growth(tried, settle, record, seconds, clock):
+def growth(tried: Callable[..., Any], settle: int, record: int, seconds: float,
+           clock: Any) -> tuple[float, float, float]:
     """Estimate of work that grows with its cycles, from a few of them.
 
     Parameters
@@ -219,7 +229,8 @@ def growth(tried, settle, record, seconds, clock):
     return min(low, high), max(low, high), cycles / whole
 
 
-def rates(tried, values, seconds, clock):
+def rates(tried: Callable[..., Any], values: NDArray[Any], seconds: float,
+          clock: Any) -> tuple[float, float, int]:
     """Seconds per value of the fastest and of the slowest batch, and how many were tried.
 
     `tried` is a callable(values). Batches grow until one takes a sixth of the time; those much
@@ -242,14 +253,14 @@ def rates(tried, values, seconds, clock):
     return min(counted), max(counted), taken
 
 
-def spread(count):
+def spread(count: int) -> list[int]:
     """Places 0 … count - 1 in an order of which every beginning is spread evenly (bits turned)."""
     bits = max(1, (count - 1).bit_length())
     turned = (int(f"{place:0{bits}b}"[::-1], 2) for place in range(1 << bits))
     return [place for place in turned if place < count]
 
 
-def _answers(task, limit):
+def _answers(task: tuple[Any, int, float, float], limit: float) -> list[list[Any]]:
     """What the process says: lists [deck, fields of a Stage …], as many as there was time for."""
     command = [sys.executable, "-P", "-m", __name__]
     try:
@@ -262,7 +273,7 @@ def _answers(task, limit):
     return [json.loads(line) for line in said.split(b"\n")[:-1]]
 
 
-def main():
+def main() -> None:
     """Read a pickled task, print each stage as a line of JSON, and end in time."""
     decks, threads, seconds, limit = pickle.load(sys.stdin.buffer)
     if hasattr(signal, "setitimer"):
@@ -280,7 +291,7 @@ def main():
             print(json.dumps([order, *stage]), flush=True)
 
 
-def _load():
+def _load() -> None:
     """Load what studies load at their first use: it is no part of their time."""
     import scipy.interpolate  # noqa: F401
     import xarray  # noqa: F401

@@ -6,9 +6,10 @@ Where a series is too short for its own correlation nothing is claimed: the half
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 CONFIDENCE = 0.95
 # Of a normal variable, exceeded by one in twenty.
@@ -64,7 +65,7 @@ def correlation_time(values: np.ndarray) -> float:
     return time if len(values) >= LONG_TIMES * time else max(time, _by_blocks(values))
 
 
-def _by_autocorrelation(values):
+def _by_autocorrelation(values: NDArray[Any]) -> float:
     """Sokal's sum; of a short record easily half of what it should be."""
     apart = values - values.mean()
     n = len(apart)
@@ -76,7 +77,7 @@ def _by_autocorrelation(values):
     return float(sums[lag] * (1 + (2 * lag + 1) / n)) if enough.any() else math.inf
 
 
-def _by_blocks(values):
+def _by_blocks(values: NDArray[Any]) -> float:
     """The largest that the neighbours among means of blocks tell, as of an autoregressive series.
 
     Of one with parameter r the time is (1 + r)/(1 - r); the estimate of r from n values is too
@@ -149,7 +150,7 @@ def mean_interval(values: np.ndarray, confidence: float = CONFIDENCE) -> MeanInt
     return unknown
 
 
-def _alike(means):
+def _alike(means: NDArray[Any]) -> bool:
     """Whether neighbours among batch means are more alike than chance makes them (one in 20)."""
     apart = means - means.mean()
     square = apart @ apart
@@ -183,7 +184,7 @@ def bursts(times: list[np.ndarray]) -> int:
     return records + min(between, int(np.sum(gaps > 1)))
 
 
-def _extremal_index(gaps):
+def _extremal_index(gaps: NDArray[Any]) -> float:
     """Moment estimate from gaps; 1 where there are none."""
     if not gaps.size:
         return 1.0
@@ -192,7 +193,8 @@ def _extremal_index(gaps):
     return min(1.0, float(2 * np.sum(less[0]) ** 2 / (gaps.size * mixed))) if mixed > 0 else 1.0
 
 
-def rate_limit(events: np.ndarray, exposure: np.ndarray, confidence: float = CONFIDENCE):
+def rate_limit(events: np.ndarray, exposure: np.ndarray,
+               confidence: float = CONFIDENCE) -> NDArray[Any]:
     """Exact one-sided upper limit of a Poisson rate: χ²(confidence; 2·events + 2)/(2·exposure).
 
     Parameters

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
 
-def labels(deck, study):
+if TYPE_CHECKING:
+    from lapwing.deck.deck import Asked, Deck
+
+
+def labels(deck: Deck, study: Asked) -> dict[str, Any]:
     """Attributes that tell under what a study of a deck ran.
 
     Parameters
@@ -30,7 +35,7 @@ def labels(deck, study):
         "own_operation": int(_own(deck, study))}
 
 
-def _own(deck, study):
+def _own(deck: Deck, study: Asked) -> bool:
     """Whether a study sets torques or a speed of its own."""
     if hasattr(study, "own_operation"):
         return study.own_operation

@@ -6,10 +6,17 @@ pinion; angles are counted from the nominal rotation, which the transmission err
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from lapwing.model.oscillator import Oscillator
 
 
-def shafts(osc, theta, theta_dot, means):
+def shafts(osc: Oscillator, theta: NDArray[Any], theta_dot: NDArray[Any],
+           means: NDArray[Any] | None) -> dict[str, NDArray[Any]]:
     """Angles ahead of the nominal rotation (rad) and speeds (rad/s) of both shafts.
 
     Parameters
@@ -33,14 +40,15 @@ def shafts(osc, theta, theta_dot, means):
             "pinion_speed": speeds[0], "gear_speed": speeds[1]}
 
 
-def by_cycle(osc, means):
+def by_cycle(osc: Oscillator, means: NDArray[Any] | None) -> dict[str, NDArray[Any]]:
     """cycle_mean_speed, rad/s, array (record,): at the beginning of each cycle."""
     if osc.mean_rotation is None:
         return {}
     return {"cycle_mean_speed": osc.mean_rotation.mean_speed(osc, means["mean_rate"])}
 
 
-def by_point(oscillators, means, shape, dims):
+def by_point(oscillators: list[Oscillator], means: NDArray[Any] | None, shape: tuple[int, int],
+             dims: tuple[str, str]) -> dict[str, tuple[tuple[str, str, str], NDArray[Any]]]:
     """mean_speed of a sweep, rad/s, (starts, values, record): at the beginning of each cycle."""
     if means is None:
         return {}
@@ -50,7 +58,7 @@ def by_point(oscillators, means, shape, dims):
     return {"mean_speed": ((*dims, "recorded_cycle"), speeds)}
 
 
-def attributes(osc, means):
+def attributes(osc: Oscillator, means: NDArray[Any] | None) -> dict[str, float]:
     """Nominal speed, mean speeds at both ends of a record (rad/s), drift (rad/s²), of the pinion.
 
     `means`, a table (n,), are the record's samples, its end the last.

@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 from lapwing.base.registry import STUDIES, carried_out
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from lapwing.base.registry import Study
+    from lapwing.deck.deck import Deck
 
 
 @dataclass
@@ -20,25 +28,26 @@ class Found:
     studies: dict = field(default_factory=lambda: {kind: {} for kind in STUDIES})
     interrupted: bool = False
 
-    def failed(self):
+    def failed(self) -> tuple[str, ...]:
         """Names of the studies with a run that failed numerically."""
         words = [(study.part("study").failed(dataset), name) for study in carried_out()
                  for name, dataset in self.studies[study.kind].items()]
         return tuple(text.format(name) for text, name in words if text)
 
 
-def is_finished(study):
+def is_finished(study: xr.Dataset) -> bool:
     """Whether a stored study lacks nothing: it may be taken over from an earlier run."""
     return not int(study.attrs.get("interrupted", 0))
 
 
-def studies_of(deck):
+def studies_of(deck: Deck) -> list[tuple[str, str]]:
     """(kind, name) of every study that a deck asks for, in the order they are carried out."""
     return [(study.kind, asked.name) for study in carried_out()
             for asked in deck.studies[study.kind]]
 
 
-def compute(deck, threads, report, known=None):
+def compute(deck: Deck, threads: int, report: Callable[..., Any],
+            known: dict[tuple[str, str], xr.Dataset] | None = None) -> Found:
     """Run the studies of a deck.
 
     1. Kind by kind (`registry.carried_out`), each in deck order: responses side by side, critical
@@ -71,7 +80,8 @@ def compute(deck, threads, report, known=None):
     return found
 
 
-def _one_by_one(study, deck, threads, report, known, found):
+def _one_by_one(study: Study, deck: Deck, threads: int, report: Callable[..., Any],
+                known: dict[tuple[str, str], xr.Dataset], found: dict[str, Any]) -> bool:
     """Add the studies of a kind; returns whether none was stopped."""
     for order, asked in enumerate(deck.studies[study.kind]):
         dataset = known.get((study.kind, asked.name))
@@ -85,7 +95,8 @@ def _one_by_one(study, deck, threads, report, known, found):
     return True
 
 
-def _side_by_side(study, deck, threads, report, known, found):
+def _side_by_side(study: Study, deck: Deck, threads: int, report: Callable[..., Any],
+                  known: dict[tuple[str, str], xr.Dataset], found: dict[str, Any]) -> bool:
     """The same, several at a time."""
     from lapwing.studies.side_by_side import side_by_side
 

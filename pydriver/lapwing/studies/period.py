@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing import engine
 
@@ -17,7 +20,8 @@ LABELS = ("motion_state", "counted_impacts", "counted_back_impacts", "releases",
           "engages", "back_engages", "chatter_ends", "back_chatter_ends")
 
 
-def find_period(phi, phi_dot, labels, scale, max_period=MAX_PERIOD):
+def find_period(phi: NDArray[Any], phi_dot: NDArray[Any], labels: NDArray[Any], scale: float,
+                max_period: int = MAX_PERIOD) -> int:
     """Smallest number of cycles after which a motion repeats (docs/model.md, decision m).
 
     Parameters
@@ -34,7 +38,7 @@ def find_period(phi, phi_dot, labels, scale, max_period=MAX_PERIOD):
     return engine.find_period(phi, phi_dot, labels, scale, max_period)
 
 
-def motion_class(period, drive, coast, chatter):
+def motion_class(period: int, drive: NDArray[Any], coast: NDArray[Any], chatter: bool) -> str:
     """Class of a motion from the counts of each of its cycles, as `class_name`.
 
     Parameters
@@ -47,7 +51,7 @@ def motion_class(period, drive, coast, chatter):
     return class_name(period, i, j, chatter)
 
 
-def class_name(period, drive, coast, chatter):
+def class_name(period: Any, drive: Any, coast: Any, chatter: Any) -> Any:
     """`p:(i,j)`, i and j arrivals at the drive and the coast flank in p cycles; or `aperiodic`.
 
     A motion in which a chatter was complete is marked `c`: which of its impacts count depends on

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import ctypes
 import threading
+from collections.abc import Callable
 from queue import Empty, SimpleQueue
+from typing import Any
 
 
-def side_by_side(function, items, threads, done):
+def side_by_side(function: Callable[..., Any], items: Any, threads: int,
+                 done: Callable[..., Any]) -> tuple[dict[str, Any], bool]:
     """Call a function of each item, several at a time.
 
     The engine works without Python's lock and keeps nothing between calls, so that threads do.
@@ -34,7 +37,7 @@ def side_by_side(function, items, threads, done):
     for place in range(len(items)):
         waiting.put(place)
 
-    def work():
+    def work() -> None:
         while not stop.is_set():
             try:
                 place = waiting.get_nowait()
@@ -45,7 +48,7 @@ def side_by_side(function, items, threads, done):
                 results[place] = result
                 done(len(results) / len(items))
 
-    def help_out():
+    def help_out() -> None:
         try:
             work()
         except KeyboardInterrupt:
@@ -73,7 +76,7 @@ def side_by_side(function, items, threads, done):
     return results, True
 
 
-def _interrupt(thread):
+def _interrupt(thread: Any) -> None:
     """Hand Ctrl-C, which only the main thread hears, on to another, and wait for its end."""
     if thread.is_alive():
         ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident),

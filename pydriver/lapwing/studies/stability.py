@@ -11,10 +11,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.studies.intervals import mean_interval
+
+if TYPE_CHECKING:
+    from lapwing.model.oscillator import Oscillator
 
 # A matrix is wrong by η/(2d), relatively, when the state is known to η only and some impact of the
 # cycle was a graze that went d deep.  Periodic states repeat to η = 1e-8 of the motion's size
@@ -60,7 +65,7 @@ class CycleMaps:
     period: float
 
     @classmethod
-    def from_rows(cls, rows, period):
+    def from_rows(cls, rows: NDArray[Any], period: float) -> CycleMaps:
         """Maps from the engine's table (..., n), `engine.records.tangent_table`."""
         states = rows["matrix"].shape[-1]
         return cls(rows["matrix"][..., :2, :2], rows["exponent"], rows["log_det"],
@@ -68,7 +73,7 @@ class CycleMaps:
                    rows["drive_time"] + rows["coast_time"], rows["impacts"],
                    rows["log_rebound"], rows["graze_depth"], period)
 
-    def __getitem__(self, index):
+    def __getitem__(self, index: Any) -> CycleMaps:
         """The same of some motions or, of a single one, of some cycles."""
         return CycleMaps(*(getattr(self, one.name)[index] for one in fields(self)[:-1]),
                          self.period)
@@ -135,12 +140,12 @@ class Exponents:
     effective: float = math.nan
 
     @property
-    def per_cycle(self):
+    def per_cycle(self) -> tuple[float, float]:
         """The largest exponent and its error per mesh cycle."""
         return self.largest * self.period, self.error * self.period
 
 
-def multiplied(maps):
+def multiplied(maps: CycleMaps) -> tuple[NDArray[Any], ...]:
     """Product of the maps of a single motion, the last cycle leftmost.
 
     Returns
@@ -158,7 +163,7 @@ def multiplied(maps):
             int(np.min(maps.rank)))
 
 
-def multipliers(maps, scale=math.inf):
+def multipliers(maps: CycleMaps, scale: float = math.inf) -> Multipliers:
     """Floquet multipliers over all the cycles of `maps`.
 
     The larger one follows from trace and determinant, the smaller one from the determinant alone,
@@ -196,14 +201,14 @@ def multipliers(maps, scale=math.inf):
                        2 * half * 2.0**exponent, log_det, det_sign, rank, cycles, warning)
 
 
-def near_grazes(maps, scale):
+def near_grazes(maps: CycleMaps, scale: float) -> NDArray[Any]:
     """Which cycles have an impact too near to grazing, for a motion of this size (rad)."""
     if not math.isfinite(scale):
         return np.zeros(maps.rank.shape, dtype=bool)
     return maps.graze_depth < GRAZE_LIMIT * scale
 
 
-def growth(maps):
+def growth(maps: CycleMaps) -> NDArray[Any]:
     """ln of the growth of one deviation in each cycle, renormalised after each.
 
     Returns
@@ -222,7 +227,8 @@ def growth(maps):
     return result
 
 
-def exponents(maps, period=0, scale=math.inf, grown=None):
+def exponents(maps: CycleMaps, period: int = 0, scale: float = math.inf,
+              grown: NDArray[Any] | None = None) -> Exponents:
     """Both Lyapunov exponents of a motion from its recorded cycles.
 
     1. A motion that repeats: ln|Floquet multiplier| over its last repetition; a warning instead
@@ -263,7 +269,7 @@ def exponents(maps, period=0, scale=math.inf, grown=None):
                      effective=known.effective)
 
 
-def sum_rule(maps, osc):
+def sum_rule(maps: CycleMaps, osc: Oscillator) -> NDArray[Any]:
     """What ln|det| of each cycle must be: impacts and time in contact alone decide.
 
     2·impacts·ln ε - 2ξ·(time in contact) under the `relative` law; under `absolute`
@@ -280,7 +286,7 @@ def sum_rule(maps, osc):
     return np.where(maps.rank == 2, expected, np.nan)
 
 
-def defects(maps, osc):
+def defects(maps: CycleMaps, osc: Oscillator) -> tuple[NDArray[Any], NDArray[Any]]:
     """The built-in checks: by how much each cycle breaks the two rules.
 
     Returns
@@ -302,7 +308,8 @@ def defects(maps, osc):
     return determinant, rule
 
 
-def findings(maps, osc, period, scale, grown=None):
+def findings(maps: CycleMaps, osc: Oscillator, period: int, scale: float,
+             grown: NDArray[Any] | None = None) -> tuple[dict[str, float], Exponents]:
     """Stability of one motion, as numbers to store.
 
     Parameters

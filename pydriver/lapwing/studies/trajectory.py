@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing import engine
 from lapwing.base import arguments, estimates
@@ -18,6 +21,9 @@ from lapwing.engine import Numerics, TrajectoryCall, Wanted, chosen, position, t
 from lapwing.engine.records import CYCLE, CYCLE_REALS, MEAN
 from lapwing.model.oscillator import Oscillator
 from lapwing.model.start import put_on_flank, start_problem
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 RECORDS = ("events", "cycles", "grazes")
 
@@ -43,12 +49,12 @@ class HybridState:
     mean_angle: float = 0.0
     mean_rate: float = 0.0
     # The engine's state may lie up to one step before the point reported above.
-    _oscillator: object = field(repr=False, default=None, compare=False)
-    _origin: tuple = field(repr=False, default=())
+    _oscillator: Any = field(repr=False, default=None, compare=False)
+    _origin: tuple[Any, ...] = field(repr=False, default=())
     _cycles: float = field(repr=False, default=0.0)
     _blob: np.ndarray | None = field(repr=False, default=None, compare=False)
     # (cycle, time in it, blob) of places on the way here from which a history may go on.
-    _checkpoints: tuple = field(repr=False, default=(), compare=False)
+    _checkpoints: tuple[Any, ...] = field(repr=False, default=(), compare=False)
 
 
 @dataclass(repr=False)
@@ -68,21 +74,21 @@ class Run:
     method : str
     """
 
-    oscillator: object
+    oscillator: Oscillator
     final: HybridState
     status: Status
-    work: dict
+    work: dict[str, int]
     method: str
-    _numerics: Numerics = field(repr=False, default=None)
-    _call: TrajectoryCall = field(repr=False, default=None)
+    _numerics: Any = field(repr=False, default=None)
+    _call: Any = field(repr=False, default=None)
 
     @cached_property
-    def events(self):
+    def events(self) -> Any:
         """Built when it is first asked for, as `cycles` is."""
         return _event_dataset(self._call.events, self.final._origin[1], self.oscillator.period)
 
     @cached_property
-    def cycles(self):
+    def cycles(self) -> Any:
         """Statistics of each cycle."""
         return _cycle_dataset(self._call.cycles, self._call.cycle_means)
 
@@ -98,7 +104,7 @@ class Run:
                 "events": self.events.sizes["event"], "cycles": self.cycles.sizes["cycle"],
                 "ends in": self.final.motion_state.name.lower(), "method": self.method}
 
-    def history(self, taus):
+    def history(self, taus: NDArray[Any]) -> xr.Dataset:
         """State at given times, from the dense output (fifth order in the step with rk4).
 
         Parameters
@@ -125,9 +131,12 @@ class Run:
         return _history(self, taus)
 
 
-def simulate(osc, start="rest", phase=0.0, cycles=50, method="auto", rtol=1e-10, *,
-             observe=("events", "cycles"), graze_distance=None, chatter_tol=None, count_depth=0.01,
-             max_events_per_cycle=1_000_000, max_steps_per_cycle=10_000_000, numerics=None, **old):
+def simulate(osc: Oscillator, start: Any = "rest", phase: float = 0.0, cycles: float = 50,
+             method: str = "auto", rtol: float = 1e-10, *,
+             observe: Sequence[str] = ("events", "cycles"), graze_distance: float | None = None,
+             chatter_tol: float | None = None, count_depth: float = 0.01,
+             max_events_per_cycle: int = 1_000_000, max_steps_per_cycle: int = 10_000_000,
+             numerics: Numerics | None = None, **old: Any) -> Run:
     """Follow one trajectory.
 
     Parameters
@@ -200,7 +209,7 @@ def simulate(osc, start="rest", phase=0.0, cycles=50, method="auto", rtol=1e-10,
     return _result(osc, call, origin, before + cycles, target, numerics, passed)
 
 
-def engine_start(osc, start):
+def engine_start(osc: Oscillator, start: Any) -> tuple[float, float, float]:
     """Start as the engine takes it: motion state (or REST), phi, phi'.
 
     Raises
@@ -233,7 +242,7 @@ def engine_start(osc, start):
     return (state, arguments.real("start: phi", phi), arguments.real("start: phi_dot", phi_dot))
 
 
-def checked_start(osc, start, phase):
+def checked_start(osc: Oscillator, start: Any, phase: float) -> Any:
     """A start that is not refused, as (motion_state, phi, phi_dot), put on its flank, or 'rest'.
 
     Raises
@@ -252,7 +261,7 @@ def checked_start(osc, start, phase):
     return start[0], put_on_flank(osc, name, phi, phase), phi_dot
 
 
-def _same(one, other):
+def _same(one: Oscillator, other: Oscillator) -> bool:
     """Whether two oscillators are the same in every number."""
     if one is other:
         return True
@@ -262,7 +271,8 @@ def _same(one, other):
         for name in ("knots", "coefficients", "kinks"))
 
 
-def _result(osc, call, origin, cycles, target, numerics, before):
+def _result(osc: Oscillator, call: TrajectoryCall, origin: tuple[tuple[float, float, float], float],
+            cycles: float, target: tuple[int, float], numerics: Numerics, before: Any) -> Run:
     """What the engine recorded, and the state at the target."""
     phase0, period = origin[1], osc.period
     at = (call.cycle, call.t, call.motion_state, call.phi, call.phi_dot)
@@ -280,11 +290,11 @@ def _result(osc, call, origin, cycles, target, numerics, before):
                method=call.method, _numerics=numerics, _call=call)
 
 
-def _tau(cycle, t, phase0, period):
+def _tau(cycle: Any, t: Any, phase0: float, period: float) -> Any:
     return cycle * period + (t - phase0 * period)
 
 
-def _event_dataset(events, phase0, period):
+def _event_dataset(events: NDArray[Any], phase0: float, period: float) -> xr.Dataset:
     import xarray as xr
 
     tau = _tau(events["cycle"], events["t"], phase0, period)
@@ -294,7 +304,7 @@ def _event_dataset(events, phase0, period):
     return worded(xr.Dataset({name: ("event", values) for name, values in data.items()}))
 
 
-def _cycle_dataset(cycles, means):
+def _cycle_dataset(cycles: NDArray[Any], means: NDArray[Any] | None) -> xr.Dataset:
     import xarray as xr
 
     data = {name: ("cycle", cycles[name].copy() if name in CYCLE_REALS
@@ -303,11 +313,11 @@ def _cycle_dataset(cycles, means):
     return worded(xr.Dataset(data).set_coords("cycle"))
 
 
-def _mean_columns(dim, means):
+def _mean_columns(dim: str, means: NDArray[Any] | None) -> dict[str, Any]:
     return {name: (dim, means[name].copy()) for name in MEAN} if means is not None else {}
 
 
-def _history(run, taus):
+def _history(run: Run, taus: NDArray[Any]) -> xr.Dataset:
     import xarray as xr
 
     osc, (start, phase0) = run.oscillator, run.final._origin

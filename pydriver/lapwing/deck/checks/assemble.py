@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import NDArray
 
 from lapwing.deck import schema
 from lapwing.deck.checks.curve import curve_options
@@ -15,8 +19,21 @@ from lapwing.deck.problems import Place, nearest
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.oscillator import ParameterError
 
+if TYPE_CHECKING:
+    from lapwing.deck.checks.te_table import Table
+    from lapwing.deck.deck import Asked
+    from lapwing.deck.declare import OperationKeys
+    from lapwing.deck.keys.critical import CriticalKeys
+    from lapwing.deck.keys.response import ResponseKeys
+    from lapwing.deck.load import _GroupReader
+    from lapwing.deck.problems import Report
+    from lapwing.deck.schema import GearPairKeys, SceneKeys
+    from lapwing.model.oscillator import Oscillator
+    from lapwing.model.transmission_error.table import TransmissionError
 
-def assemble(path, text, overrides, readers, report):
+
+def assemble(path: Path, text: str, overrides: tuple[tuple[str, str], ...],
+             readers: list[_GroupReader], report: Report) -> Deck | None:
     """The deck, or None; what is wrong goes to `report`.
 
     Parameters
@@ -31,18 +48,20 @@ def assemble(path, text, overrides, readers, report):
     studies = [reader for reader in readers if reader.name in schema.STUDIES]
     if readers:
         _check_presence(models, studies, Place(str(path)), report)
-    settings = {name: models[name].keys if name in models else group()
+    settings: dict[str, Any] = {
+                name: models[name].keys if name in models else group()
                 for name, group in schema.GROUPS.items()
                 if name not in (*schema.STUDIES, *schema.REQUIRED)}
     settings |= {name: models[name].keys if name in models else None for name in schema.REQUIRED}
     _check_restitution(models.get("gear_pair"), settings["scene"], report)
-    pair = _gear_pair(models.get("gear_pair"), report)
+    pair: Any = _gear_pair(models.get("gear_pair"), report)  # None: refused below
     table = _table(models.get("transmission_error"), settings["gear_pair"], path, report)
     warn_of_units(models.get("gear_pair"), models.get("transmission_error"), table, report)
     builder = Studies(settings, models, pair, table, report)
     if builder.operation and pair is not None and "operation" in models:
         warn_of_torques(models["operation"], pair, builder.operation, None, report)
-    built = {name: tuple(builder.build(reader) for reader in studies if reader.name == name)
+    built: dict[str, tuple[Any, ...]] = {
+        name: tuple(builder.build(reader) for reader in studies if reader.name == name)
              for name in schema.STUDIES}
     _check_names(studies, report)
     if report.refusals:
@@ -54,7 +73,8 @@ def assemble(path, text, overrides, readers, report):
                 numerics=settings["numerics"].model_dump(), studies=built)
 
 
-def _check_presence(models, studies, origin, report):
+def _check_presence(models: dict[str, _GroupReader], studies: list[_GroupReader], origin: Place,
+                    report: Report) -> None:
     for name in schema.REQUIRED:
         if name not in models:
             report.add(origin, f"&{name} is missing")
@@ -63,9 +83,9 @@ def _check_presence(models, studies, origin, report):
                    + ": nothing to compute")
 
 
-def _check_names(studies, report):
+def _check_names(studies: list[_GroupReader], report: Report) -> None:
     """Names are parts of file names; not every file system knows lower from upper case."""
-    seen = {}
+    seen: dict[tuple[str, str], int] = {}
     for reader in studies:
         if reader.keys is None:
             continue
@@ -77,7 +97,7 @@ def _check_names(studies, report):
         seen.setdefault((reader.name, name.lower()), reader.places["name"].line)
 
 
-def _relay(error, readers, report):
+def _relay(error: Any, readers: list[_GroupReader], report: Report) -> None:
     """Report each sentence of an error at the key it names, else at the last group."""
     problems = error.problems if isinstance(error, ParameterError) else [str(error)]
     for problem in problems:
@@ -87,7 +107,8 @@ def _relay(error, readers, report):
         report.add(next(places, readers[-1].place), problem)
 
 
-def _check_restitution(reader, scene, report):
+def _check_restitution(reader: _GroupReader | None, scene: SceneKeys | None,
+                       report: Report) -> None:
     """Restitution is asked for where a contact law uses it."""
     if reader is None or scene is None or scene.contact_law == "compliant" \
             or reader.mentioned("restitution"):
@@ -97,7 +118,7 @@ def _check_restitution(reader, scene, report):
                              "restitution)")
 
 
-def _gear_pair(reader, report):
+def _gear_pair(reader: _GroupReader | None, report: Report) -> GearPair | None:
     if reader is None or reader.keys is None:
         return None
     try:
@@ -114,7 +135,8 @@ def _gear_pair(reader, report):
     return None
 
 
-def _table(reader, gear, path, report):
+def _table(reader: _GroupReader | None, gear: GearPairKeys | None, path: Path,
+           report: Report) -> Table | None:
     """The transmission error; a file is read even if the gear is refused, to report it as well."""
     if reader is None or reader.keys is None:
         return None
@@ -136,13 +158,14 @@ def _table(reader, gear, path, report):
     return _harmonics(reader, report)
 
 
-def _refuse_without(reader, owner, names, report):
+def _refuse_without(reader: _GroupReader, owner: str, names: tuple[str, str],
+                    report: Report) -> None:
     for name in names:
         if name in reader.places and owner not in reader.places:
             report.add(reader.key_places[name], f"{name} goes with {owner} only")
 
 
-def _harmonics(reader, report):
+def _harmonics(reader: _GroupReader, report: Report) -> Table | None:
     keys = reader.keys
     n = len(keys.harmonic_amplitude)
     orders = list(range(1, n + 1)) if keys.harmonic_order is None else keys.harmonic_order
@@ -164,7 +187,7 @@ def _harmonics(reader, report):
                          reader.places["harmonic_amplitude"], report)
 
 
-def _warn_of_sign(table, reader, report):
+def _warn_of_sign(table: Table, reader: _GroupReader, report: Report) -> None:
     if table.from_pairs and reader.keys.te_sign != "geometric":
         given = "te_sign" in reader.places
         place = reader.places["te_sign" if given else "file"]
@@ -184,39 +207,41 @@ class Studies:
     ready : bool, whether oscillators can be built: nothing they need was refused
     """
 
-    def __init__(self, settings, models, pair, table, report):
+    def __init__(self, settings: dict[str, Any], models: dict[str, _GroupReader],
+                 pair: GearPair | None, table: Table | None, report: Report) -> None:
         self._settings, self._models, self.report = settings, models, report
-        self.pair = pair
+        self.pair: Any = pair  # a GearPair wherever oscillators can be built
         self._refused = any(keys is None for keys in settings.values())
         self.operation = {} if self._refused else {
             **_given(settings["operation"], schema.OPERATION),
             **settings["scene"].model_dump(),
             "te_sign": settings["transmission_error"].te_sign}
         self.ready = not self._refused and pair is not None and table is not None
-        self._te = self._table(table) if self.ready else None
+        self._te: Any = self._table(table) if self.ready and table is not None else None
 
-    def _table(self, table):
+    def _table(self, table: Table) -> TransmissionError:
         """The table where its shape is checked, else a stand-in."""
         scene = self._settings["scene"]
         return flat() if scene.back_flank_te or scene.gap == "one_flank" else table.build()
 
     @property
-    def start_phase(self):
+    def start_phase(self) -> float:
         """Mesh phase at which runs start."""
         numerics = self._settings["numerics"]
-        return numerics.start_phase if numerics else 0.0
+        return float(numerics.start_phase) if numerics else 0.0
 
-    def build(self, reader):
+    def build(self, reader: _GroupReader) -> Asked | None:
         """The study of one group as `Asked`, or None."""
-        return reader.keys and reader.keys.build(self, reader)
+        asked: Asked | None = reader.keys and reader.keys.build(self, reader)
+        return asked
 
-    def rtol(self, reader):
+    def rtol(self, reader: _GroupReader) -> float:
         """Tolerance of a study: its own, that of &numerics, or the default."""
         numerics = self._settings["numerics"]
         given = getattr(reader.keys, "rtol", None) or (numerics.rtol if numerics else None)
-        return given or reader.keys.default_rtol
+        return float(given or reader.keys.default_rtol)
 
-    def own_operation(self, keys):
+    def own_operation(self, keys: CriticalKeys | ResponseKeys) -> dict[str, Any]:
         """The operation with what a study sets itself; its speed, however given, replaces all."""
         own = _given(keys, schema.OPERATION)
         operation = self.operation
@@ -224,7 +249,8 @@ class Studies:
             operation = {k: v for k, v in operation.items() if k not in schema.SPEEDS}
         return {**operation, **own}
 
-    def oscillator(self, reader, pair, operation):
+    def oscillator(self, reader: _GroupReader, pair: GearPair,
+                   operation: dict[str, Any]) -> Oscillator | None:
         """The oscillator, or None: what is missing is said here, the rest by the driver."""
         complete = self._complete(reader, operation)
         if not complete:
@@ -238,13 +264,13 @@ class Studies:
             _relay(error, readers, self.report)
         return None
 
-    def _check_method(self, oscillator):
+    def _check_method(self, oscillator: Oscillator) -> None:
         numerics = self._settings["numerics"]
         if numerics and numerics.method == "exact" and oscillator.degrees_of_freedom == 2:
             raise ValueError("method = 'exact' goes with degrees_of_freedom = 1, expected 'rk4' or "
                              "'auto'")
 
-    def _complete(self, reader, operation):
+    def _complete(self, reader: _GroupReader, operation: dict[str, Any]) -> bool:
         where = self._models["operation"].place if "operation" in self._models else reader.place
         lacking = [] if operation.get("brake_torque") is not None else ["brake_torque"]
         speeds = [name for name in schema.SPEEDS if operation.get(name) is not None]
@@ -255,7 +281,7 @@ class Studies:
                                     f"'{reader.keys.name}' needs")
         return not lacking
 
-    def parameter(self, reader, name):
+    def parameter(self, reader: _GroupReader, name: str) -> str | None:
         """Group of the parameter varied, or None."""
         known = schema.numeric_parameters()
         group, _, bare = name.rpartition(".")
@@ -275,7 +301,8 @@ class Studies:
                     return None
         return known[bare]
 
-    def check_values(self, reader, name, group, values):
+    def check_values(self, reader: _GroupReader, name: str, group: str,
+                     values: NDArray[Any]) -> None:
         """Every value against the range of the parameter's own key."""
         kind = schema.KeyType(schema.GROUPS[group].model_fields[name])
         limits = kind.limits
@@ -287,7 +314,8 @@ class Studies:
             self.report.add(place, f"{name} = {value:g} among the values, expected "
                                     f"{kind.expected}")
 
-    def check_ends(self, reader, name, group, values, operation):
+    def check_ends(self, reader: _GroupReader, name: str, group: str, values: Any,
+                   operation: dict[str, Any]) -> None:
         """Force is monotonic in each parameter: what holds at both ends holds between them."""
         for value in map(float, {values[0], values[-1]}):
             pair, at = self.pair, operation
@@ -305,6 +333,7 @@ class Studies:
                                                "coast flank to rest on")
 
 
-def _given(keys, names):
+def _given(keys: CriticalKeys | OperationKeys | ResponseKeys,
+           names: tuple[str, ...]) -> dict[str, float]:
     """Those of the named keys that are not None."""
     return {name: getattr(keys, name) for name in names if getattr(keys, name) is not None}

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.model.curve.basis import fit_problem
 from lapwing.model.transmission_error.samples import samples_of_pairs
+
+if TYPE_CHECKING:
+    from lapwing.deck.load import _GroupReader
+    from lapwing.deck.problems import Report
 
 KEYS = ("harmonics", "smoothing", "noise_level", "curve_repeats")
 # Other curves on which searches are repeated where the deck says nothing: the least and the
@@ -13,7 +20,7 @@ KEYS = ("harmonics", "smoothing", "noise_level", "curve_repeats")
 REPEATS = 39
 
 
-def curve_options(reader, report):
+def curve_options(reader: _GroupReader, report: Report) -> dict[str, float | None] | None:
     """How the deck wants its samples fitted.
 
     Parameters
@@ -54,7 +61,8 @@ def curve_options(reader, report):
     return {"harmonics": keys.harmonics, "noise_level": keys.noise_level, "curve_repeats": repeats}
 
 
-def samples_of(columns, teeth):
+def samples_of(columns: dict[str, NDArray[Any]],
+               teeth: dict[str, int]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]] | None:
     """(phase, value, kinks 0/1) of a file's columns, or None where they hold slopes.
 
     Raises
@@ -72,7 +80,8 @@ def samples_of(columns, teeth):
             np.zeros(columns["phase"].size) if kinks is None else kinks)
 
 
-def curve_problem(samples, options):
+def curve_problem(samples: tuple[NDArray[Any], NDArray[Any], NDArray[Any]] | None,
+                  options: dict[str, Any]) -> str | None:
     """Why the samples cannot be fitted as asked, or None."""
     if samples is None:
         return "the file gives slopes, which only an exact curve has; expected samples alone"

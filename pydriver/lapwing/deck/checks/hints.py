@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from lapwing.base.messages import cut
 
 # Quotes of word processors, by the quote that a deck knows.
@@ -15,12 +17,12 @@ OTHER_KEYS = {
                     "a range has from, to and count")}
 
 
-def of_key(key, fields):
+def of_key(key: str, fields: dict[str, Any]) -> str:
     """What to write for a key that a group with ranges does not know; empty text: no idea."""
     return OTHER_KEYS.get(key, "") if "count" in fields else ""
 
 
-def of_quotes(text):
+def of_quotes(text: str) -> str:
     """What to write for a text in typographic quotes; empty text where it has none."""
     if not any(mark in text for mark in QUOTES):
         return ""
@@ -28,7 +30,7 @@ def of_quotes(text):
     return f"these are typographic quotes, write '{cut(inside)}'"
 
 
-def of_parameters(name):
+def of_parameters(name: str) -> str:
     """What to do about several parameters in one study; empty text where it is one."""
     return "one parameter in each group; write a group for each" \
         if any(mark in name for mark in ", ;+&") else ""

@@ -6,9 +6,17 @@ The bands are so wide that no gear known to the authors lies outside of one; the
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from lapwing.deck.checks.te_table import Table
+    from lapwing.deck.deck import Deck
+    from lapwing.deck.load import _GroupReader
+    from lapwing.deck.problems import Report
+    from lapwing.model.gear_pair import GearPair
 
 MILLIMETRE, DEGREE = 1e-3, math.pi / 180
 
@@ -26,9 +34,9 @@ class Band(NamedTuple):
 
     low: float
     high: float
-    usual: tuple
+    usual: tuple[float, float]
     unit: str
-    others: tuple
+    others: tuple[tuple[str, float], ...]
 
 
 _INERTIA = Band(1e-7, 500.0, (1e-5, 10.0), "kg·m²",
@@ -49,7 +57,8 @@ CURVE = Band(1e-8, 5e-3, (2e-6, 1e-3), "rad",
 GUESSES = 2
 
 
-def warn_of_units(pair_reader, curve_reader, table, report):
+def warn_of_units(pair_reader: _GroupReader | None, curve_reader: _GroupReader | None,
+                  table: Table | None, report: Report) -> None:
     """Warn of numbers of the gear pair and of the curve that look like another unit.
 
     Parameters
@@ -83,7 +92,7 @@ def warn_of_units(pair_reader, curve_reader, table, report):
                        "them in another unit?", warning=True)
 
 
-def outside(value, band):
+def outside(value: float, band: Band) -> str:
     """What is odd about a number, and in which unit it would not be; empty where nothing is."""
     if value == 0 or band.low <= value <= band.high:
         return ""
@@ -94,7 +103,7 @@ def outside(value, band):
                    else ": is the unit right?")
 
 
-def magnitudes(deck):
+def magnitudes(deck: Deck) -> str:
     """Numbers in which a slip of a unit shows, in words, for `check`.
 
     Parameters
@@ -117,7 +126,7 @@ def magnitudes(deck):
     return "; ".join(parts + ([full] if full else []))
 
 
-def _full_engagement(deck):
+def _full_engagement(deck: Deck) -> str:
     """T_full at the speed of the deck, in words; empty where there is none."""
     from lapwing.model.linear_response import critical_force
 
@@ -134,7 +143,8 @@ def _full_engagement(deck):
     return f"T_full = {torque:.4g} N·m" if np.isfinite(torque) else ""
 
 
-def warn_of_torques(reader, pair, operation, values, report):
+def warn_of_torques(reader: _GroupReader, pair: GearPair, operation: dict[str, Any],
+                    values: NDArray[Any] | None, report: Report) -> None:
     """Say what is done with torques that press on the coast flank.
 
     Parameters
@@ -159,7 +169,7 @@ def warn_of_torques(reader, pair, operation, values, report):
                       "begins; T_full and T_safe are those of the drive flank", warning=True)
 
 
-def warn_of_order(reader, report):
+def warn_of_order(reader: _GroupReader, report: Report) -> None:
     """Say what is done with a range that runs downwards."""
     keys = reader.keys
     for low, high in zip(keys.from_ or (), keys.to or (), strict=False):

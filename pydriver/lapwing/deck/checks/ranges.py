@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from fractions import Fraction
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from lapwing.deck.load import _GroupReader
+    from lapwing.deck.problems import Report
 
 MAX_VALUES = 100_000
 
 
-def range_values(reader, report):
+def range_values(reader: _GroupReader, report: Report) -> NDArray[Any] | None:
     """Values of a sweep, ascending and each once; None where the ranges make no sense."""
     keys, places = reader.keys, reader.places
     if keys.values is not None:
@@ -41,20 +48,20 @@ def range_values(reader, report):
     return _ascending(value for one in ranges for value in spaced(*one))
 
 
-def _ascending(values):
+def _ascending(values: Iterable[Any]) -> NDArray[Any]:
     """Each value once; `np.unique` would import numpy.ma, which takes 20 ms."""
     return np.array(sorted(set(values)))
 
 
-def _linear(low, high, count):
+def _linear(low: float, high: float, count: int) -> list[float]:
     """Equal steps between decimal numbers, each rounded once: 0.2 to 14 in 691 contains 1.8."""
     first = Fraction(repr(low))
     step = (Fraction(repr(high)) - first) / (count - 1)
     return [float(first + i * step) for i in range(count)]
 
 
-def _log(low, high, count):
+def _log(low: float, high: float, count: int) -> list[float]:
     """Equal ratios; the ends exactly as given."""
     values = math.copysign(1, low) * np.geomspace(abs(low), abs(high), count)
     values[0], values[-1] = low, high
-    return values.tolist()
+    return [float(value) for value in values]

@@ -9,14 +9,20 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.messages import cut
 from lapwing.deck.checks.curve import curve_problem, samples_of
 from lapwing.deck.problems import Place
 from lapwing.model.transmission_error import TransmissionError
 from lapwing.model.transmission_error.file import TransmissionErrorFileError, read_columns
+
+if TYPE_CHECKING:
+    from lapwing.deck.problems import Report
+    from lapwing.model.curve.fit import CurveFit
 
 # Within these bounds every constructor of TransmissionError is known to succeed.
 _PLAIN_VALUES = (1e-12, 1e3)
@@ -38,14 +44,14 @@ class Table:
     fit : dict, how a curve is fitted to samples (`curve.curve_options`); empty: not at all
     """
 
-    keys: dict
+    keys: dict[str, Any]
     digest: str
     from_pairs: bool = False
     extent: float = 0.0
     sampled: bool = False
-    fit: dict = field(default_factory=dict)
+    fit: dict[str, Any] = field(default_factory=dict)
 
-    def build(self):
+    def build(self) -> TransmissionError:
         """The `TransmissionError`; ValueError where it cannot be made."""
         keys = self.keys
         if self.fit:
@@ -57,28 +63,31 @@ class Table:
         return TransmissionError.harmonic(
             keys["harmonic_amplitude"], keys["harmonic_shift"], keys["harmonic_order"])
 
-    def samples(self):
+    def samples(self) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]] | None:
         """(phase, value, kinks 0/1) of the file; None where there are no samples."""
         if not self.sampled:
             return None
         columns, _ = read_columns(self.keys["file"], **self.keys["teeth"])
         return samples_of(columns, self.keys["teeth"])
 
-    def curve(self):
+    def curve(self) -> CurveFit:
         """The `CurveFit` asked for."""
         from lapwing.model.curve.fit import fit_curve
 
-        return fit_curve(*self.samples(), harmonics=self.fit["harmonics"],
+        samples = self.samples()
+        assert samples is not None  # what cannot be fitted is refused where it is read
+        return fit_curve(*samples, harmonics=self.fit["harmonics"],
                          noise_level=self.fit["noise_level"],
                          te_sign_hint="geometric" if self.from_pairs else "printed")
 
 
-def flat():
+def flat() -> TransmissionError:
     """A stand-in for checks that do not depend on the table."""
     return TransmissionError(np.array([0.0, 1.0]), np.zeros((1, 6)), np.zeros(1, dtype=bool))
 
 
-def file_table(name, folder, teeth, fit, place, report):
+def file_table(name: str, folder: Path, teeth: dict[str, int], fit: dict[str, float | None] | None,
+               place: Place, report: Report) -> Table | None:
     """Table of a CSV file relative to `folder`, or None; its problems go to `report`.
 
     `fit` is how its samples are fitted, or None.
@@ -94,10 +103,10 @@ def file_table(name, folder, teeth, fit, place, report):
         _report(path, problems, report)
         return None
     pairs = "gear_angle" in columns
-    error = columns["gear_angle"] - teeth["pinion_teeth"] / teeth["gear_teeth"] \
+    curve = columns["gear_angle"] - teeth["pinion_teeth"] / teeth["gear_teeth"] \
         * columns["pinion_angle"] if pairs else columns["transmission_error"]
     sampled = not any(name.startswith("slope") for name in columns)
-    table = Table({"file": path, "teeth": teeth}, _digest(columns), pairs, float(np.ptp(error)),
+    table = Table({"file": path, "teeth": teeth}, _digest(columns), pairs, float(np.ptp(curve)),
                   sampled, fit or {})
     if fit and not pairs:
         problem = curve_problem(samples_of(columns, teeth), fit)
@@ -109,10 +118,10 @@ def file_table(name, folder, teeth, fit, place, report):
     return None
 
 
-def formula_table(keys, place, report):
+def formula_table(keys: dict[str, Any], place: Place, report: Report) -> Table | None:
     """Table of a parabola or of harmonics, or None; its problems go to `report`."""
-    amplitudes = np.abs(np.atleast_1d(
-        keys.get("harmonic_amplitude", keys.get("parabola_amplitude")))).astype(float)
+    given: Any = keys.get("harmonic_amplitude", keys.get("parabola_amplitude"))
+    amplitudes = np.abs(np.atleast_1d(given)).astype(float)
     table = Table(keys, _digest(keys), extent=_extent(keys))
     if np.all((amplitudes == 0) | (amplitudes > _PLAIN_VALUES[0])) \
             or _builds(table, place, report):
@@ -120,7 +129,7 @@ def formula_table(keys, place, report):
     return None
 
 
-def _extent(keys):
+def _extent(keys: dict[str, Any]) -> float:
     """From peak to peak: of the parabola, or of the series at even phases."""
     if "parabola_amplitude" in keys:
         return abs(float(keys["parabola_amplitude"]))
@@ -130,7 +139,7 @@ def _extent(keys):
                                    keys["harmonic_order"], strict=True))))
 
 
-def _plain(columns):
+def _plain(columns: dict[str, NDArray[Any]]) -> bool:
     """Whether building a table of these columns is known to succeed."""
     if "gear_angle" in columns:
         return False
@@ -142,7 +151,7 @@ def _plain(columns):
     return enough and values.max() < _PLAIN_VALUES[1] and spacing > _PLAIN_SPACING
 
 
-def _builds(table, place, report):
+def _builds(table: Table, place: Place, report: Report) -> bool:
     try:
         with np.errstate(all="ignore"):
             table.build()
@@ -155,12 +164,12 @@ def _builds(table, place, report):
     return False
 
 
-def _report(path, problems, report):
+def _report(path: Path, problems: Any, report: Report) -> None:
     for line, column, text in problems:
         report.add(Place(str(path), line, column), text)
 
 
-def _digest(numbers):
+def _digest(numbers: dict[str, NDArray[Any]]) -> str:
     """Of numbers or arrays by name; -0.0 is 0.0."""
     total = hashlib.sha256()
     for name, value in numbers.items():

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+from numpy.typing import NDArray
 
 from lapwing.deck.checks.magnitudes import warn_of_order
 from lapwing.deck.checks.ranges import range_values
@@ -18,6 +20,11 @@ from lapwing.deck.declare import (
     key,
 )
 
+if TYPE_CHECKING:
+    from lapwing.deck.checks.assemble import Studies
+    from lapwing.deck.load import _GroupReader
+    from lapwing.deck.problems import Report
+
 _GRID = ("start_phases", "start_positions", "start_speeds")
 # What a search takes where its group says nothing, by what it finds.
 DEFAULTS = {
@@ -30,7 +37,7 @@ _SEARCH = (*_GRID, "settle_cycles", "record_cycles",
 _OWN = {"safe": ("resolution", "further_values"), "back": ("confidence",)}
 
 
-def allowed_keys(find, parameter):
+def allowed_keys(find: str, parameter: str) -> tuple[str, ...]:
     """Keys of &critical that mean something for what is to be found along a parameter."""
     if find in _OWN:
         return (*_ALWAYS, *_SEARCH, *_OWN[find])
@@ -41,7 +48,7 @@ class CriticalKeys(OperationKeys, ValueKeys, StudyKeys):
     """One critical value of a parameter."""
 
     title = "one critical value of a parameter, the braking torque first of all; any number of them"
-    exclusive = (*OperationKeys.exclusive, ("values", "from"))
+    exclusive: ClassVar[tuple[Any, ...]] = (*OperationKeys.exclusive, ("values", "from"))
 
     name: str = key(text="names its figure and its part of the summary; letters, digits, . _ -",
                     example="T_full", pattern=NAME_PATTERN, max_length=64)
@@ -76,7 +83,7 @@ class CriticalKeys(OperationKeys, ValueKeys, StudyKeys):
     rtol: float | None = key(None, "relative tolerance; left out: that of &numerics, else 1e-6",
                              example=1e-6, ge=1e-13, le=1e-2)
 
-    def build(self, builder, reader):
+    def build(self, builder: Studies, reader: _GroupReader) -> Asked | None:
         """See `StudyKeys`: the keys that go together, the values, oscillators at both ends."""
         if not builder.ready:
             return None
@@ -105,7 +112,7 @@ class CriticalKeys(OperationKeys, ValueKeys, StudyKeys):
         return Asked("critical", self, operation, builder.rtol(reader),
                      {"parameter": name, "group": group, "values": values, **self._search()})
 
-    def _search(self):
+    def _search(self) -> dict[str, Any]:
         """What a search takes, its own or by default."""
         counts = {name: getattr(self, name) or default
                   for name, default in DEFAULTS.get(self.find, {}).items()}
@@ -113,7 +120,7 @@ class CriticalKeys(OperationKeys, ValueKeys, StudyKeys):
                 "record_cycles": counts.get("record_cycles"),
                 "own_operation": any(getattr(self, name) is not None for name in OPERATION)}
 
-    def used(self, asked):
+    def used(self, asked: Asked) -> dict[str, Any]:
         """See `StudyKeys`: keys that play no part have no value."""
         allowed = allowed_keys(self.find, asked.parameter)
         values = {name: value if name in allowed else None
@@ -125,14 +132,15 @@ class CriticalKeys(OperationKeys, ValueKeys, StudyKeys):
             values["spacing"] = None
         return values
 
-    def canonical(self, values, asked):
+    def canonical(self, values: dict[str, Any], asked: Asked) -> dict[str, Any]:
         """See `StudyKeys`: the range written out."""
         values = {name: value for name, value in values.items() if name not in RANGES}
         searched = {} if asked.values is None else {"values": asked.values.tolist()}
         return values | searched | {"parameter": asked.parameter}
 
 
-def _values(reader, keys, name, report):
+def _values(reader: _GroupReader, keys: CriticalKeys, name: str,
+            report: Report) -> NDArray[Any] | None:
     """Values to search, ascending; None where there are none that make sense."""
     if keys.values is None and keys.from_ is None:
         report.add(reader.place, f"&critical lacks one of values, from: find = '{keys.find}' along "
@@ -141,7 +149,8 @@ def _values(reader, keys, name, report):
     return range_values(reader, report)
 
 
-def _check_laws(reader, keys, operation, report):
+def _check_laws(reader: _GroupReader, keys: CriticalKeys, operation: dict[str, Any],
+                report: Report) -> None:
     """What is to be found must exist under the laws of &scene."""
     rigid = operation["contact_law"] == "rigid"
     other = {"on": "on" if rigid else "full", "full": "on" if rigid else "full"}.get(keys.find)

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from lapwing.base import estimates
 from lapwing.deck.checks.magnitudes import warn_of_torques
 from lapwing.deck.deck import Asked
 from lapwing.deck.declare import NAME_PATTERN, OperationKeys, StudyKeys, key
 from lapwing.model.start import start_problem
+
+if TYPE_CHECKING:
+    from lapwing.deck.checks.assemble import Studies
+    from lapwing.deck.load import _GroupReader
+    from lapwing.deck.problems import Report
+    from lapwing.model.oscillator import Oscillator
 
 
 class ResponseKeys(OperationKeys, StudyKeys):
@@ -41,7 +47,7 @@ class ResponseKeys(OperationKeys, StudyKeys):
     claim_text: str | None = key(None, "what somebody else reports, in words",
                                  example="3 impacts per cycle, period 1", max_length=500)
 
-    def build(self, builder, reader):
+    def build(self, builder: Studies, reader: _GroupReader) -> Asked | None:
         """See `StudyKeys`: the start, and the oscillator it belongs to."""
         start = self._start(reader, builder.report)
         if not builder.ready:
@@ -53,7 +59,7 @@ class ResponseKeys(OperationKeys, StudyKeys):
             self._check_start(builder, reader, oscillator, start)
         return Asked("response", self, operation, builder.rtol(reader), {"start": start})
 
-    def _start(self, reader, report):
+    def _start(self, reader: _GroupReader, report: Report) -> Any:
         if self.start == "rest":
             for name in ("start_phi", "start_phi_dot"):
                 if name in reader.places:
@@ -65,7 +71,8 @@ class ResponseKeys(OperationKeys, StudyKeys):
             return "rest"
         return self.start, float(self.start_phi), float(self.start_phi_dot or 0.0)
 
-    def _check_start(self, builder, reader, oscillator, start):
+    def _check_start(self, builder: Studies, reader: _GroupReader, oscillator: Oscillator,
+                     start: Any) -> None:
         """Decisions e and k of docs/model.md."""
         if start == "rest":
             if oscillator.force < 0 and oscillator.gap == "one_flank":
@@ -78,18 +85,18 @@ class ResponseKeys(OperationKeys, StudyKeys):
             builder.report.add(reader.places["start_phi"],
                                f"start_phi = {phi:g} contradicts start = '{state}': {problem}")
 
-    def used(self, asked):
+    def used(self, asked: Asked) -> dict[str, Any]:
         """See `StudyKeys`."""
         return super().used(asked) | (
             {"start_phi_dot": asked.start[2]} if self.start != "rest" else {})
 
-    def memory(self, asked):
+    def memory(self, asked: Asked) -> tuple[int, str]:
         """See `StudyKeys`."""
         return (estimates.response_bytes(self.record_cycles, self.samples_per_cycle,
                                          self.exponents),
                 "record_cycles or samples_per_cycle")
 
-    def disk(self, asked):
+    def disk(self, asked: Asked) -> tuple[int, int]:
         """See `StudyKeys`."""
         cycle = self.samples_per_cycle * estimates.STORED_SAMPLE + estimates.STORED_CYCLE
         return self.record_cycles * cycle, 3

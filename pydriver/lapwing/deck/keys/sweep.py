@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from lapwing.base import estimates
 from lapwing.deck.checks.magnitudes import warn_of_order, warn_of_torques
 from lapwing.deck.checks.ranges import range_values
 from lapwing.deck.deck import Asked
 from lapwing.deck.declare import NAME_PATTERN, RANGES, StudyKeys, ValueKeys, key
+
+if TYPE_CHECKING:
+    from lapwing.deck.checks.assemble import Studies
+    from lapwing.deck.load import _GroupReader
 
 
 class SweepKeys(ValueKeys, StudyKeys):
@@ -41,7 +45,7 @@ class SweepKeys(ValueKeys, StudyKeys):
     rtol: float | None = key(None, "relative tolerance; left out: that of &numerics, else 1e-6",
                              example=1e-6, ge=1e-13, le=1e-2)
 
-    def build(self, builder, reader):
+    def build(self, builder: Studies, reader: _GroupReader) -> Asked | None:
         """See `StudyKeys`: the values, and oscillators at both ends of them."""
         report, name = builder.report, self.parameter.strip().lower()
         group = builder.parameter(reader, name)
@@ -63,23 +67,23 @@ class SweepKeys(ValueKeys, StudyKeys):
         return Asked("sweep", self, operation, builder.rtol(reader),
                      {"parameter": name, "group": group, "values": values, "starts": starts})
 
-    def used(self, asked):
+    def used(self, asked: Asked) -> dict[str, Any]:
         """See `StudyKeys`."""
         return super().used(asked) | ({"spacing": None} if self.values is not None else {})
 
-    def canonical(self, values, asked):
+    def canonical(self, values: dict[str, Any], asked: Asked) -> dict[str, Any]:
         """See `StudyKeys`: the range written out."""
         values = {name: value for name, value in values.items() if name not in RANGES}
         return values | {"values": asked.values.tolist(), "starts": list(asked.starts),
                          "parameter": asked.parameter}
 
-    def memory(self, asked):
+    def memory(self, asked: Asked) -> tuple[int, str]:
         """See `StudyKeys`."""
         return (estimates.sweep_bytes(asked.values.size * len(asked.starts), self.record_cycles,
                                       impacts=self.impacts, exponents=self.exponents),
                 "record_cycles, the number of values or of starts" + ", or impacts" * self.impacts)
 
-    def disk(self, asked):
+    def disk(self, asked: Asked) -> tuple[int, int]:
         """See `StudyKeys`."""
         points = asked.values.size * len(asked.starts)
         return points * self.record_cycles * estimates.STORED_CYCLE, 2

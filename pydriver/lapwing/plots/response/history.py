@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from lapwing.base.codes import EventKind
@@ -14,9 +16,16 @@ from lapwing.plots.response.trajectory import (
     path,
 )
 
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from lapwing.plots.response.trajectory import Path
+
 
 @style.house_style()
-def draw(response, gear_pair=None):
+def draw(response: xr.Dataset, gear_pair: dict[str, float] | None = None) -> Figure:
     """Draw the last recorded cycles.
 
     Parameters
@@ -54,11 +63,11 @@ def draw(response, gear_pair=None):
     return figure
 
 
-def _has_impacts(response, gear_pair):
+def _has_impacts(response: xr.Dataset, gear_pair: dict[str, float] | None) -> bool:
     return gear_pair is not None and events_of(response, IMPACTS)["position"].size > 0
 
 
-def _coloured(axis, track, scale):
+def _coloured(axis: Axes, track: Path, scale: float) -> None:
     """φ against time, one colour for each motion state."""
     for state, look in style.STATE_STYLES.items():
         x, y = track.stretches(state, track.position, track.phi)
@@ -66,7 +75,8 @@ def _coloured(axis, track, scale):
             axis.plot(x, scale * y, **look)
 
 
-def _displacement(axis, response, track, first, gear_pair):
+def _displacement(axis: Axes, response: xr.Dataset, track: Path, first: int,
+                  gear_pair: dict[str, float] | None) -> str:
     """φ with the flanks, µrad."""
     _coloured(axis, track, style.URAD)
     axis.axhline(0, color=style.WALL, linewidth=1.0)
@@ -85,7 +95,8 @@ def _displacement(axis, response, track, first, gear_pair):
     return "relative displacement φ from the drive flank: pressed above 0, separated below"
 
 
-def _pressed(axis, response, track, first, gear_pair):
+def _pressed(axis: Axes, response: xr.Dataset, track: Path, first: int,
+             gear_pair: dict[str, float] | None) -> str:
     """φ > 0 on a scale of its own."""
     _coloured(axis, track, style.URAD)
     top = style.URAD * np.nanmax(track.phi)
@@ -96,7 +107,8 @@ def _pressed(axis, response, track, first, gear_pair):
     return f"the same, magnified: drive flanks pressed together by up to {top:.3g} µrad"
 
 
-def _mesh_force(axis, response, track, first, gear_pair):
+def _mesh_force(axis: Axes, response: xr.Dataset, track: Path, first: int,
+                gear_pair: dict[str, float] | None) -> str:
     """Force of spring and damper, N, and its torque on the pinion."""
     rows = response["sample_cycle"].values >= first
     force = response["mesh_force"].values[rows]
@@ -120,7 +132,8 @@ def _mesh_force(axis, response, track, first, gear_pair):
             " (all recorded cycles)")
 
 
-def _impulses(axis, response, track, first, gear_pair):
+def _impulses(axis: Axes, response: xr.Dataset, track: Path, first: int,
+              gear_pair: dict[str, float]) -> str:
     """Impulse of each impact along the normal, N·s: k'·lever·(v before - v after)/ω'."""
     impacts = events_of(response, IMPACTS, first)
     newton = float(gear_pair["mesh_stiffness"]) * float(gear_pair["pinion_base_lever"])

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.arrivals import arrivals_in
 from lapwing.plots import style
 from lapwing.plots.response.trajectory import cycles_recorded, events_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 # The drive flank, then the coast flank.
 FLANKS = ({"color": style.BLUE, "marker": "o", "label": "drive flank"},
@@ -16,7 +24,7 @@ LOGARITHMIC = 100.0
 
 
 @style.house_style()
-def draw(response, gear_pair=None):
+def draw(response: xr.Dataset, gear_pair: dict[str, float] | None = None) -> Figure:
     """Draw the speed of impacts against their phase.
 
     Parameters
@@ -53,7 +61,7 @@ def draw(response, gear_pair=None):
     return figure
 
 
-def _points(axis, phase, speed, look):
+def _points(axis: Axes, phase: NDArray[Any], speed: NDArray[Any], look: dict[str, str]) -> None:
     """Large markers for the few places of a periodic motion, dots for a cloud."""
     places = len(np.unique(np.round(np.column_stack([phase, speed / speed.max()]), 4), axis=0))
     size = 6.0 if places <= 100 else 3.5 if places <= 1000 else 1.8
@@ -63,7 +71,7 @@ def _points(axis, phase, speed, look):
               label=look["label"], rasterized=phase.size > style.MANY)
 
 
-def _speed_limits(axis, speed):
+def _speed_limits(axis: Axes, speed: NDArray[Any]) -> None:
     positive = speed[speed > 0]
     if positive.size and positive.max() > LOGARITHMIC * positive.min():
         axis.set_yscale("log")

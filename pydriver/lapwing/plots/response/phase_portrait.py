@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from lapwing.base.codes import EventKind, MotionState
 from lapwing.plots import style
 from lapwing.plots.response.trajectory import IMPACTS, cycles_recorded, cycles_shown, path
 
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from lapwing.plots.response.trajectory import Path
+
 
 @style.house_style()
-def draw(response, gear_pair=None):
+def draw(response: xr.Dataset, gear_pair: dict[str, float] | None = None) -> Figure:
     """Draw φ' against φ.
 
     Parameters
@@ -58,7 +67,7 @@ def draw(response, gear_pair=None):
     return figure
 
 
-def _whole(track, response):
+def _whole(track: Path, response: xr.Dataset) -> tuple[float, float]:
     """Limits of φ (µrad) around the motion; the coast flank too where the motion comes near."""
     low, high = style.URAD * np.min(track.phi), style.URAD * np.max(track.phi)
     gap = style.URAD * float(response.attrs["gap_width"])
@@ -69,12 +78,13 @@ def _whole(track, response):
     return low - pad, high + pad
 
 
-def _pressed(track):
+def _pressed(track: Path) -> tuple[float, float]:
     top = style.URAD * np.max(track.phi)
     return -0.3 * top, 1.1 * top
 
 
-def _draw(axis, track, response, factor, limits):
+def _draw(axis: Axes, track: Path, response: xr.Dataset, factor: float,
+          limits: tuple[float, float]) -> None:
     """One panel: flanks, jumps, path, section."""
     _flanks(axis, response, limits)
     light = 0.55 if cycles_many(track) else 0.9
@@ -95,7 +105,7 @@ def _draw(axis, track, response, factor, limits):
     axis.set_xlim(limits)
 
 
-def _speed_limits(axis, track, factor, pressed):
+def _speed_limits(axis: Axes, track: Path, factor: float, pressed: bool) -> None:
     """Speeds of all of the motion, or of engagement alone."""
     speeds = factor * track.phi_dot
     if pressed:
@@ -105,12 +115,12 @@ def _speed_limits(axis, track, factor, pressed):
     axis.set_ylim(low - pad, high + pad)
 
 
-def cycles_many(track):
+def cycles_many(track: Path) -> bool:
     """Whether the path is so long that it must be drawn thin."""
     return track.position[-1] - track.position[0] > 12
 
 
-def _section(axis, response, track, factor):
+def _section(axis: Axes, response: xr.Dataset, track: Path, factor: float) -> None:
     """The state at phase 0 of each cycle drawn."""
     first = round(float(track.position[0]))
     phi, phi_dot = (response[f"cycle_{key}"].values[first:] for key in ("phi", "phi_dot"))
@@ -121,7 +131,7 @@ def _section(axis, response, track, factor):
               label="stroboscopic section (phase 0)")
 
 
-def _flanks(axis, response, limits):
+def _flanks(axis: Axes, response: xr.Dataset, limits: tuple[float, float]) -> None:
     """Flanks as walls, shaded on the side where the tooth is pressed in."""
     gap = style.URAD * float(response.attrs["gap_width"])
     for wall, inner in ((0.0, limits[1]), (-gap, limits[0])):
@@ -130,7 +140,7 @@ def _flanks(axis, response, limits):
             axis.axvline(wall, color="0.78", linewidth=4, zorder=1)
 
 
-def _coast_flank_far(axis, response):
+def _coast_flank_far(axis: Axes, response: xr.Dataset) -> None:
     """Say where the coast flank is when it lies outside."""
     gap = style.URAD * float(response.attrs["gap_width"])
     if np.isfinite(gap) and axis.get_xlim()[0] > -gap:

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from lapwing.plots import style
 from lapwing.plots.response.trajectory import cycles_recorded, cycles_shown
 
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-def shows(response):
+
+def shows(response: xr.Dataset) -> bool:
     """Whether there are two degrees of freedom."""
     return bool("pinion_speed" in response)
 
 
 @style.house_style()
-def draw(response, gear_pair):
+def draw(response: xr.Dataset, gear_pair: dict[str, float]) -> Figure:
     """Draw the mean speed over the record, and both shafts' speeds about it in the last cycles.
 
     Parameters
@@ -52,7 +59,7 @@ def draw(response, gear_pair):
     return figure
 
 
-def _mean(axis, response, record):
+def _mean(axis: Axes, response: xr.Dataset, record: int) -> None:
     """Mean speed of the pinion over the record, and the nominal one."""
     attrs = response.attrs
     speeds = [*response["cycle_mean_speed"].values, attrs["mean_speed_last"]]

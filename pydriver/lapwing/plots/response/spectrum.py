@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.model.harmonic_series import order_spectrum
 from lapwing.plots import style
 from lapwing.plots.response.trajectory import cycles_recorded
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 # Variable, factor, axis label, heading, colour.
 QUANTITIES = (
@@ -22,7 +29,7 @@ HANN_BANDWIDTH = 1.5
 
 
 @style.house_style()
-def draw(response, gear_pair=None):
+def draw(response: xr.Dataset, gear_pair: dict[str, float] | None = None) -> Figure:
     """Draw amplitudes against mesh order.
 
     Parameters
@@ -57,19 +64,19 @@ def draw(response, gear_pair=None):
     return figure
 
 
-def _cycles_used(response):
+def _cycles_used(response: xr.Dataset) -> int:
     """The last recorded cycles, whole periods of the motion: its lines then lie on bins."""
     recorded, period = cycles_recorded(response), int(response.attrs["period"])
     return recorded - recorded % period if 0 < period <= recorded else recorded
 
 
-def _highest_order(response):
+def _highest_order(response: xr.Dataset) -> int:
     """Orders to show: the natural frequency with half as much again, within 8 and 40."""
     natural = 1 / float(response.attrs["mesh_frequency_ratio"])
     return min(max(8, math.ceil(1.5 * natural)), 40)
 
 
-def _panel(axis, response, quantity, highest):
+def _panel(axis: Axes, response: xr.Dataset, quantity: tuple[Any, ...], highest: int) -> None:
     """One spectrum, as many decades as mean anything."""
     name, factor, label, _, colour = quantity
     values = factor * response[name].values
@@ -95,7 +102,7 @@ def _panel(axis, response, quantity, highest):
     axis.minorticks_off()
 
 
-def _marks(axes, response, highest):
+def _marks(axes: NDArray[Any], response: xr.Dataset, highest: int) -> None:
     """Mesh orders, subharmonics of the period, natural frequency."""
     period = int(response.attrs["period"])
     natural = 1 / float(response.attrs["mesh_frequency_ratio"])
@@ -115,7 +122,7 @@ def _marks(axes, response, highest):
     axes[0].set_xticks(orders if highest <= 24 else orders[1::2])
 
 
-def _resolution(response):
+def _resolution(response: xr.Dataset) -> str:
     """The window and what it can tell apart, and which lines mark what."""
     cycles = _cycles_used(response)
     period = int(response.attrs["period"])

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.codes import EventKind, MotionState
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Motion state right before and right after an event; a kink changes none.
 _FREE, _DRIVE, _COAST = (int(state) for state in (
@@ -40,14 +45,14 @@ class Path:
     jump: np.ndarray
     kind: np.ndarray
 
-    def stretches(self, state, *columns):
+    def stretches(self, state: Any, *columns: NDArray[Any]) -> list[NDArray[Any]]:
         """Columns of all stretches in one motion state, parted by NaN for one call of `plot`."""
         steps = np.flatnonzero(~self.jump & (self.state[:-1] == state))
         runs = np.split(steps, np.flatnonzero(np.diff(steps) > 1) + 1) if steps.size else []
         order = [np.append(run, (run[-1] + 1, -1)) for run in runs]
         return _gathered(order, columns)
 
-    def refined(self, response, parts=4):
+    def refined(self, response: xr.Dataset, parts: int = 4) -> Path:
         """The path with more nodes: cubic Hermite pieces, for φ' is the slope of φ."""
         width = np.diff(self.position) * 2 * np.pi / float(response.attrs["mesh_frequency_ratio"])
         s = (np.arange(parts) / parts)[:, None]
@@ -61,7 +66,7 @@ class Path:
         smooth = np.where(self.jump | (width == 0), s == 0, True)
         keep = smooth.T.ravel()
 
-        def joined(inner, last):
+        def joined(inner: NDArray[Any], last: float) -> NDArray[Any]:
             return np.append(inner.T.ravel()[keep], last)
 
         same = np.broadcast_to
@@ -71,30 +76,31 @@ class Path:
                     same(self.jump, phi.shape).T.ravel()[keep],
                     joined(same(self.kind[:-1], phi.shape), self.kind[-1]))
 
-    def pressed(self):
+    def pressed(self) -> bool:
         """Whether the motion is both free and pressed into the drive flank (rigid: never)."""
         return bool(np.any(self.state == MotionState.SEPARATION) and np.max(self.phi) > 0
                     and np.any(self.state == MotionState.ENGAGEMENT))
 
-    def jumps(self, kinds, *columns):
+    def jumps(self, kinds: Any, *columns: NDArray[Any]) -> list[NDArray[Any]]:
         """Columns at both ends of each jump of the velocity at such events, parted by NaN."""
         steps = np.flatnonzero(self.jump & (self.phi_dot[:-1] != self.phi_dot[1:])
                                & np.isin(self.kind[:-1], [int(kind) for kind in kinds]))
         return _gathered([np.array((step, step + 1, -1)) for step in steps], columns)
 
 
-def _gathered(order, columns):
+def _gathered(order: list[NDArray[Any]],
+              columns: tuple[NDArray[Any], NDArray[Any]]) -> list[NDArray[Any]]:
     nodes = np.concatenate(order) if order else np.zeros(0, int)
     return [np.where(nodes < 0, np.nan, column[nodes]) if nodes.size else np.zeros(0)
             for column in columns]
 
 
-def cycles_recorded(response):
+def cycles_recorded(response: xr.Dataset) -> int:
     """Number of recorded mesh cycles."""
     return int(response.sizes["cycle"])
 
 
-def events_of(response, kinds, first=0):
+def events_of(response: xr.Dataset, kinds: Any, first: int = 0) -> dict[str, NDArray[Any]]:
     """Columns of the events of some kinds from a cycle on, as a dict of arrays."""
     kind = response["event_kind"].values
     rows = np.isin(kind, [int(one) for one in kinds])
@@ -105,7 +111,7 @@ def events_of(response, kinds, first=0):
     return {**columns, "position": columns["event_cycle"] + columns["event_phase"]}
 
 
-def path(response, cycles):
+def path(response: xr.Dataset, cycles: int) -> Path:
     """The last `cycles` recorded cycles of a response, as a Path."""
     first = cycles_recorded(response) - cycles
     rows = response["sample_cycle"].values >= first
@@ -131,7 +137,7 @@ def path(response, cycles):
                                 np.zeros(position.size, int)])[order])
 
 
-def _shown_kinds(response):
+def _shown_kinds(response: xr.Dataset) -> list[EventKind]:
     """Kinds that fit into the plane of φ and φ'.
 
     Where the coast flank stands still its events have velocities relative to that flank.
@@ -141,13 +147,13 @@ def _shown_kinds(response):
             if not (standing and kind.name.startswith("BACK_"))]
 
 
-def _filled(state):
+def _filled(state: NDArray[Any]) -> NDArray[Any]:
     """A state that is not known by itself is the one before."""
     known = np.where(np.isnan(state), 0, np.arange(state.size))
     return state[np.maximum.accumulate(known)]
 
 
-def cycles_shown(response, *, repeats, aperiodic):
+def cycles_shown(response: xr.Dataset, *, repeats: int, aperiodic: int) -> int:
     """How many of the last cycles tell the motion: periods to repeat, or a number without one."""
     period = int(response.attrs["period"])
     wanted = max(repeats, repeats * period) if period else aperiodic

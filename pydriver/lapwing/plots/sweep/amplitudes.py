@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.plots import critical_marks, style
 from lapwing.plots.sweep import parts as sweep_parts
 from lapwing.results.findings import known
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 # Variable, factor to what is drawn, heading, and unit, of each panel.
 PANELS = (("dynamic_te_rms", style.URAD, "dynamic transmission error, rms", "µrad"),
@@ -24,13 +31,14 @@ RESONANCES = (1, 2, 3)
 ROOM = 1.12
 
 
-def shows(sweep):
+def shows(sweep: xr.Dataset) -> bool:
     """Whether some point has a result, and the sweep what is drawn."""
     return bool(known(sweep).any() and "dynamic_te_rms" in sweep)
 
 
 @style.house_style()
-def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, marks=()):
+def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title: str | None = None,
+         full_engagement: float | None = None, marks: Any = ()) -> Figure:
     """Draw amplitudes and forces of a sweep.
 
     Parameters
@@ -65,7 +73,7 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, marks=()):
     return figure
 
 
-def _panel(axis, sweep, name, factor):
+def _panel(axis: Axes, sweep: xr.Dataset, name: str, factor: float) -> None:
     """One number of each branch; dots, for neighbours may be different motions."""
     if not np.isfinite(sweep[name].values).any():
         style.nothing(axis, "the rigid law has no spring, hence no force"
@@ -82,7 +90,8 @@ def _panel(axis, sweep, name, factor):
         axis.set_yticks([0])  # any other number would be made up
 
 
-def _resonances(axes, parameter, values, gear_pair):
+def _resonances(axes: NDArray[Any], parameter: str, values: NDArray[Any],
+                gear_pair: dict[str, float]) -> bool:
     """Dotted lines where the mesh frequency is the natural one, a half or a third; whether any."""
     if gear_pair is None or "pinion_teeth" not in gear_pair:
         return False

@@ -2,24 +2,35 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.plots import critical_marks, style
 from lapwing.plots.sweep import parts as sweep_parts
 from lapwing.results.findings import known
 
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from lapwing.plots.sweep.parts import Claim
+
 # Places for a claim's words that are tried at once.
 BLOCK = 32
 
 
-def shows(sweep):
+def shows(sweep: xr.Dataset) -> bool:
     """Whether some point has a result."""
     return bool(known(sweep).any())
 
 
 @style.house_style()
-def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
-         marks=()):
+def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title: str | None = None,
+         full_engagement: float | None = None, claims: list[Any] | None = None,
+         marks: Any = ()) -> Figure:
     """Draw the deepest separation of the recorded cycles.
 
     Parameters
@@ -65,7 +76,7 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
     return figure
 
 
-def depth_lines(axis, sweep):
+def depth_lines(axis: Axes, sweep: xr.Dataset) -> None:
     """Deepest of all recorded cycles, µrad; a failed point leaves a gap."""
     for branch, look in sweep_parts.branches(sweep):
         depth = style.URAD * branch["deepest_separation"].max("recorded_cycle")
@@ -75,7 +86,7 @@ def depth_lines(axis, sweep):
     axis.set_ylim(bottom=0)
 
 
-def _backlash(axis, gear_pair, top):
+def _backlash(axis: Axes, gear_pair: dict[str, float] | None, top: float) -> None:
     """The whole gap, where the motion uses enough of it."""
     if gear_pair is None or style.URAD * float(gear_pair["backlash"]) > top:
         return
@@ -85,7 +96,7 @@ def _backlash(axis, gear_pair, top):
               transform=axis.get_yaxis_transform(), ha="center", va="bottom")
 
 
-def _claim_texts(axis, claims, curves):
+def _claim_texts(axis: Axes, claims: list[Claim], curves: list[NDArray[Any]]) -> None:
     """What is claimed, each beside its marker where words and leader cross least of the data.
 
     All is done in parts of the panel, whose limits must be final.
@@ -110,7 +121,8 @@ def _claim_texts(axis, claims, curves):
                                   "shrinkB": 5})
 
 
-def _free_place(segments, marker, width, height=0.05):
+def _free_place(segments: NDArray[Any], marker: NDArray[Any], width: float,
+                height: float = 0.05) -> tuple[tuple[float, float], NDArray[Any]]:
     """Middle of a box (parts of the panel) that crosses least, then lies nearest; its diagonals."""
     x, y = np.meshgrid(np.arange(0.5 * width + 0.01, 1 - 0.5 * width, 0.02),
                        np.arange(0.05, 0.78, 0.03), indexing="ij")
@@ -131,9 +143,9 @@ def _free_place(segments, marker, width, height=0.05):
     return (x[best], y[best]), lines[:2, :, best]
 
 
-def _crossings(segments, lines):
+def _crossings(segments: NDArray[Any], lines: NDArray[Any]) -> NDArray[Any]:
     """How many segments (rows x, y, x, y) each line (columns x, y, x, y) crosses."""
-    def side(a, b, c):
+    def side(a: NDArray[Any], b: NDArray[Any], c: NDArray[Any]) -> NDArray[Any]:
         return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
     one, two = segments[:, :2].T[..., None], segments[:, 2:].T[..., None]

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.codes import Status
 from lapwing.plots import critical_marks, style
 from lapwing.plots.sweep import parts as sweep_parts
 from lapwing.results.findings import known
 
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-def shows(sweep):
+
+def shows(sweep: xr.Dataset) -> bool:
     """Whether some point has a result, and the sweep what is drawn."""
     return bool(known(sweep).any() and "lyapunov_exponent" in sweep)
 
 
 @style.house_style()
-def draw(sweep, *, title=None, full_engagement=None, marks=()):
+def draw(sweep: xr.Dataset, *, title: str | None = None, full_engagement: float | None = None,
+         marks: Any = ()) -> Figure:
     """Draw a sweep with its exponents.
 
     Parameters
@@ -46,14 +55,14 @@ def draw(sweep, *, title=None, full_engagement=None, marks=()):
     return figure
 
 
-def _section(axis, sweep):
+def _section(axis: Axes, sweep: xr.Dataset) -> str:
     """Strobed displacement, µrad.  Every panel returns its heading."""
     from lapwing.plots.sweep.orbit_diagram import _section as section
 
     return section(axis, sweep, None, ())
 
 
-def _exponents(axis, sweep):
+def _exponents(axis: Axes, sweep: xr.Dataset) -> str:
     """Largest exponent per mesh cycle with its error; what is lost, in a row at the bottom."""
     known = _finite(sweep["lyapunov_exponent_per_cycle"].values)
     axis.set_ylabel("largest Lyapunov exponent\n(per mesh cycle)")
@@ -87,7 +96,7 @@ def _exponents(axis, sweep):
             + "; ▾: -∞, at rest on the rigid flank" * bool(lost))
 
 
-def _multipliers(axis, sweep):
+def _multipliers(axis: Axes, sweep: xr.Dataset) -> str:
     """Magnitude of the larger Floquet multiplier of the periodic motions, and its sign."""
     axis.set_ylabel("larger Floquet\nmultiplier |λ|")
     if not np.isfinite(sweep["multiplier_real"].values).any():
@@ -108,7 +117,7 @@ def _multipliers(axis, sweep):
     return "periodic motions: ▾ λ < 0 (at 1: period doubling), ▴ λ > 0, ■ a complex pair"
 
 
-def _finite(values):
+def _finite(values: NDArray[Any]) -> NDArray[Any]:
     return values[np.isfinite(values)]
 
 

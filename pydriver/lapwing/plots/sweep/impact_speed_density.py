@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.arrivals import arrivals_in
 from lapwing.plots import critical_marks, style
 from lapwing.plots.sweep import parts as sweep_parts
 from lapwing.results.findings import known
 
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
 
-def shows(sweep):
+
+def shows(sweep: xr.Dataset) -> bool:
     """Whether some point has a result, speeds were counted, and there are impacts at all."""
     return bool(known(sweep).any() and "impact_speed_density" in sweep
             and arrivals_in(sweep.attrs).threshold)
 
 
 @style.house_style()
-def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, marks=()):
+def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title: str | None = None,
+         full_engagement: float | None = None, marks: Any = ()) -> Figure:
     """Draw the density of impact speeds, one panel for each start.
 
     Parameters
@@ -68,7 +76,7 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, marks=()):
     return figure
 
 
-def _per_decade(counts, edges):
+def _per_decade(counts: NDArray[Any], edges: NDArray[Any]) -> NDArray[Any]:
     """Impacts per mesh cycle and decade of speed."""
     return counts / np.diff(np.log10(edges))
 

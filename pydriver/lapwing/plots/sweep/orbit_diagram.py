@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.arrivals import arrivals_in, listed_impacts, per_cycle
 from lapwing.base.codes import Status
@@ -11,6 +14,13 @@ from lapwing.plots.style import save
 from lapwing.plots.sweep import parts as sweep_parts
 from lapwing.results.findings import known
 
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from lapwing.plots.sweep.parts import Claim
+
 # Periods above this share a row of the strip.
 HIGHEST_PERIOD = 8
 # Places told apart over the height of a panel, several to a pixel; and the number of points on
@@ -18,14 +28,15 @@ HIGHEST_PERIOD = 8
 PLACES, OPAQUE = 4096, 20
 
 
-def shows(sweep):
+def shows(sweep: xr.Dataset) -> bool:
     """Whether some point has a result."""
     return bool(known(sweep).any())
 
 
 @style.house_style()
-def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None,
-         marks=()):
+def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title: str | None = None,
+         full_engagement: float | None = None, claims: list[Claim] | None = None,
+         marks: Any = ()) -> Figure:
     """Draw a sweep.
 
     Parameters
@@ -73,7 +84,7 @@ def draw(sweep, gear_pair=None, *, title=None, full_engagement=None, claims=None
 orbit_diagram = draw
 
 
-def _dots(axis, x, y, look):
+def _dots(axis: Axes, x: NDArray[Any], y: NDArray[Any], look: dict[str, Any]) -> None:
     """All points of a branch (x, y of one shape); the scale must be final.
 
     A periodic motion comes to the same places in every cycle; no more is drawn than can be seen.
@@ -91,7 +102,7 @@ def _dots(axis, x, y, look):
               markeredgewidth=0, alpha=look["alpha"], color=look["color"], rasterized=True)
 
 
-def _section(axis, sweep, gear_pair, claims):
+def _section(axis: Axes, sweep: xr.Dataset, gear_pair: dict[str, float] | None, claims: Any) -> str:
     """Strobed displacement, µrad.  Every panel returns its heading."""
     small = style.widen_small_values(axis, style.URAD * sweep["phi"].values)
     for branch, look in sweep_parts.branches(sweep):
@@ -108,7 +119,8 @@ def _section(axis, sweep, gear_pair, claims):
                if small else ""))
 
 
-def _impact_speeds(axis, sweep, gear_pair, claims):
+def _impact_speeds(axis: Axes, sweep: xr.Dataset, gear_pair: dict[str, float] | None,
+                   claims: list[Claim]) -> str:
     """Approach speed of the recorded impacts."""
     factor, unit, millimetres = style.speed_unit(gear_pair)
     velocity = sweep["impact_velocity"].values
@@ -128,7 +140,7 @@ def _impact_speeds(axis, sweep, gear_pair, claims):
             + (f"; of each point the first {room} recorded" if capped else ""))
 
 
-def _depths(axis, sweep, gear_pair, claims):
+def _depths(axis: Axes, sweep: xr.Dataset, gear_pair: dict[str, float], claims: list[Any]) -> str:
     """Deepest separation, µrad, where no impact speeds were recorded."""
     from lapwing.plots.sweep.deepest_separation import depth_lines
 
@@ -141,7 +153,8 @@ def _depths(axis, sweep, gear_pair, claims):
     return "deepest separation of the drive flanks in the recorded cycles"
 
 
-def _impacts(axis, sweep, gear_pair, claims):
+def _impacts(axis: Axes, sweep: xr.Dataset, gear_pair: dict[str, float] | None,
+             claims: list[Claim]) -> str:
     """Arrivals per cycle at the drive flank, and at the coast flank where there are any."""
     law = arrivals_in(sweep.attrs)
     for branch, look in sweep_parts.branches(sweep):
@@ -161,7 +174,8 @@ def _impacts(axis, sweep, gear_pair, claims):
             "▾ at the coast flank")
 
 
-def _periods(axis, sweep, gear_pair, claims):
+def _periods(axis: Axes, sweep: xr.Dataset, gear_pair: dict[str, float] | None,
+             claims: list[Claim]) -> str:
     """Period in mesh cycles; motions without one, and failed runs, in rows of their own."""
     none, lost = HIGHEST_PERIOD + 2, HIGHEST_PERIOD + 4
     rows = [*range(1, HIGHEST_PERIOD + 1), none]

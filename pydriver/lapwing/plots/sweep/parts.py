@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import itertools
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base import quantities
 from lapwing.base.codes import Status
 from lapwing.plots import style
 from lapwing.results.findings import evidence_beyond, names
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 # Words on an axis where they are others than a sentence takes.
 AXIS_WORDS = {"brake_torque": "braking torque", "restitution": "coefficient of restitution"}
@@ -21,7 +27,7 @@ ROOM = 0.4
 MARGIN = 0.008
 
 
-def axis_label(name):
+def axis_label(name: str) -> str:
     """A parameter and its unit, for an axis."""
     known = quantities.parameter(name)
     words = AXIS_WORDS.get(name, known.words)
@@ -45,12 +51,12 @@ class Claim(NamedTuple):
     impacts: float = np.nan
 
 
-def unit_of(parameter):
+def unit_of(parameter: str) -> str:
     """Unit of a parameter; empty text where it is a bare number or none of them."""
     return quantities.parameter(parameter).shown
 
 
-def claims_of(sweep, given):
+def claims_of(sweep: xr.Dataset, given: list[Claim] | None) -> list[Claim]:
     """Claims within the range of a sweep: as given, or (None) as stored with it."""
     claims = [Claim(*one) for one in given or ()]
     if given is None and "claim_value" in sweep:
@@ -62,38 +68,39 @@ def claims_of(sweep, given):
     return [claim for claim in claims if values[0] <= claim.value <= values[-1]]
 
 
-def parameter_of(sweep):
+def parameter_of(sweep: xr.Dataset) -> str:
     """Name of the parameter swept."""
     return sweep["status"].dims[1]
 
 
-def branches(sweep):
+def branches(sweep: xr.Dataset) -> list[tuple[xr.Dataset, Any]]:
     """(dataset, style) of each start that was swept, in drawing order."""
     starts = [str(start) for start in sweep["start"].values]
     return [(sweep.isel(start=starts.index(start)), style.START_STYLES[start])
             for start in style.DRAWING_ORDER if start in starts]
 
 
-def failed(dataset):
+def failed(dataset: xr.Dataset) -> NDArray[Any]:
     """Where a run failed numerically; points that an interrupted sweep never reached are not."""
     status = dataset["status"].values
     return (status != Status.OK) & (status != Status.UNFINISHED)
 
 
-def lost(sweep, start):
+def lost(sweep: xr.Dataset, start: str) -> str:
     """Words for a start without any result; empty where it has one."""
     some = bool((sweep["status"].sel(start=start).values == Status.OK).any())
     return "" if some else "no result at any value"
 
 
-def full_engagement_of(sweep, given):
+def full_engagement_of(sweep: xr.Dataset, given: float | None) -> float | None:
     """Critical value of complete engagement: as given, or as stored; None if unknown."""
     stored = sweep.attrs.get("full_engagement")
     given = stored if given is None else given
     return None if given is None or not np.isfinite(given) else float(given)
 
 
-def mark_full_engagement(axes, value, labelled, sweep, height=0.96):
+def mark_full_engagement(axes: Any, value: float | None, labelled: Axes, sweep: xr.Dataset,
+                         height: float = 0.96) -> None:
     """A vertical line through all panels; in one of them its number and what rattles above it."""
     x = sweep[parameter_of(sweep)].values
     if value is None or not x[0] <= value <= x[-1]:
@@ -118,7 +125,7 @@ def mark_full_engagement(axes, value, labelled, sweep, height=0.96):
         bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1})
 
 
-def _beyond(sweep, value):
+def _beyond(sweep: xr.Dataset, value: float) -> str:
     """What was seen to rattle above a value, in few words: the report says the rest."""
     if "states_visited" not in sweep:
         return "other motions may rattle above"
@@ -135,7 +142,7 @@ def _beyond(sweep, value):
     return "no rattling seen above" + f" ({blind}: not known)" * bool(blind)
 
 
-def edges_of(values):
+def edges_of(values: NDArray[Any]) -> NDArray[Any]:
     """Edges of columns around values."""
     if values.size == 1:
         return np.array([values[0] - 0.5, values[0] + 0.5])
@@ -143,13 +150,14 @@ def edges_of(values):
     return np.concatenate([[2 * values[0] - middle[0]], middle, [2 * values[-1] - middle[-1]]])
 
 
-def claim_marker(axis, value, height):
+def claim_marker(axis: Axes, value: float, height: float) -> None:
     """An open diamond."""
     axis.plot(value, height, marker="D", markersize=7, markerfacecolor="none", clip_on=False,
               markeredgecolor=style.CLAIM, markeredgewidth=1.8, linestyle="", zorder=6)
 
 
-def legend(figure, axis, sweep, *, claims=False, failed=False):
+def legend(figure: Figure, axis: Axes, sweep: xr.Dataset, *, claims: bool = False,
+           failed: bool = False) -> None:
     """One entry for each branch, with markers that can be seen, outside of the panels."""
     from matplotlib.lines import Line2D
 
@@ -165,7 +173,7 @@ def legend(figure, axis, sweep, *, claims=False, failed=False):
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
 
 
-def finish(figure, axes, sweep, title):
+def finish(figure: Figure, axes: NDArray[Any], sweep: xr.Dataset, title: str) -> None:
     """Label and limits of the parameter's axis, and the heading."""
     parameter = parameter_of(sweep)
     values = sweep[parameter].values

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 from itertools import groupby
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.arrivals import arrivals_in, per_cycle
 from lapwing.base.codes import Status
@@ -13,19 +15,25 @@ from lapwing.plots import critical_marks, style
 from lapwing.plots.sweep import parts as sweep_parts
 from lapwing.results.findings import known
 
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 # A run of one class is named in the strip where it is wider than this part of the axis.
 NAMED_FROM = 0.045
 UNFINISHED = "unfinished"
 PERIODIC = re.compile(r"(\d+):\((\d+),(\d+)\)(c?)$")
 
 
-def shows(sweep):
+def shows(sweep: xr.Dataset) -> bool:
     """Whether some point has a result, and the sweep what is drawn."""
     return bool(known(sweep).any() and "motion_class" in sweep)
 
 
 @style.house_style()
-def draw(sweep, *, title=None, full_engagement=None, claims=None, marks=()):
+def draw(sweep: xr.Dataset, *, title: str | None = None, full_engagement: float | None = None,
+         claims: list[Any] | None = None, marks: Any = ()) -> Figure:
     """Draw counted impacts per cycle and, for each start, the classes p:(i,j).
 
     Parameters
@@ -69,7 +77,7 @@ def draw(sweep, *, title=None, full_engagement=None, claims=None, marks=()):
     return figure
 
 
-def _stairs(axis, sweep, claims):
+def _stairs(axis: Axes, sweep: xr.Dataset, claims: list[Any]) -> str:
     """Impacts per cycle of each start; returns the heading."""
     for branch, look in sweep_parts.branches(sweep):
         x = branch[sweep_parts.parameter_of(sweep)].values
@@ -84,13 +92,14 @@ def _stairs(axis, sweep, claims):
     return f"{law.word}s per cycle, {law.rule(float(sweep.attrs['count_depth']))}; drive flank"
 
 
-def _impacts(name):
+def _impacts(name: str) -> float:
     """Drive impacts per cycle of a class; 0 where it has none."""
     found = PERIODIC.match(str(name))
     return int(found[2]) / int(found[1]) if found else 0
 
 
-def _strip(axis, values, classes, most, label):
+def _strip(axis: Axes, values: NDArray[Any], classes: NDArray[Any], most: float,
+           label: str) -> None:
     """Runs of one class as boxes, coloured by their impacts per cycle."""
     import matplotlib as mpl
 

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
 from lapwing.plots import critical_marks, style
 from lapwing.plots.sweep import parts as sweep_parts
 from lapwing.results.findings import known
 
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
 DECADES = 5
 
 
-def shows(sweep):
+def shows(sweep: xr.Dataset) -> bool:
     """Whether some point has a result, and the sweep what is drawn."""
     return bool(known(sweep).any() and "order_spectrum" in sweep)
 
 
 @style.house_style()
-def draw(sweep, *, title=None, full_engagement=None, marks=()):
+def draw(sweep: xr.Dataset, *, title: str | None = None, full_engagement: float | None = None,
+         marks: Any = ()) -> Figure:
     """Draw the order spectra of φ, one panel for each start.
 
     Parameters

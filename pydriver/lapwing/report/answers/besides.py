@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import NDArray
+
 from lapwing.base.arrivals import arrivals_in
 from lapwing.report.amplitudes import greatest
 from lapwing.report.answers.evidence import failures, looks, together
@@ -9,8 +13,11 @@ from lapwing.report.answers.limits import at_least, at_most, bands
 from lapwing.report.critical import headline
 from lapwing.report.words import parameter_unit, parameter_words, plural
 
+if TYPE_CHECKING:
+    import xarray as xr
 
-def besides(criticals, sweeps):
+
+def besides(criticals: Any, sweeps: Any) -> list[str]:
     """Critical values at other operating points in one sentence, and each sweep in one.
 
     Parameters
@@ -41,7 +48,7 @@ def besides(criticals, sweeps):
     return said + [sentence for sentence in along if sentence]
 
 
-def _along(sweep):
+def _along(sweep: xr.Dataset) -> str:
     """Where the teeth part, and strike the coast flank, along another parameter."""
     parameter = sweep["status"].dims[1]
     unit, law = parameter_unit(parameter), arrivals_in(sweep.attrs)
@@ -64,7 +71,7 @@ def _along(sweep):
     return text + f"; {plural(lost, 'run')} failed" * bool(lost) + "."
 
 
-def _span(values, unit):
+def _span(values: NDArray[Any], unit: str) -> str:
     if values.size == 1:
         return f"{values[0]:g} {unit}".rstrip()
     return f"{values.size} values, {values[0]:g} to {values[-1]:g} {unit}".rstrip()

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.codes import MotionState, SearchStage, Status
 from lapwing.results.findings import known, rattles
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 class Look(NamedTuple):
@@ -50,20 +54,21 @@ class Seen(NamedTuple):
     failed: np.ndarray
 
     @property
-    def last(self):
+    def last(self) -> float | None:
         """The greatest value at which it was seen, or None."""
         return float(self.values[self.seen].max()) if self.seen.any() else None
 
-    def above(self, value):
+    def above(self, value: float | None) -> Seen:
         """The part above a value; all of it for None."""
         return self if value is None else self.where(self.values > value)
 
-    def where(self, rows):
+    def where(self, rows: NDArray[Any]) -> Seen:
         """Some of the values."""
         return Seen(*(column[rows] for column in self))
 
 
-def looks(responses, criticals, sweeps, parameter="brake_torque", flank="drive"):
+def looks(responses: Any, criticals: Any, sweeps: Any, parameter: str = "brake_torque",
+          flank: str = "drive") -> list[Look]:
     """What the studies saw along a parameter at the deck's own operating point.
 
     Parameters
@@ -92,7 +97,7 @@ def looks(responses, criticals, sweeps, parameter="brake_torque", flank="drive")
     return found
 
 
-def together(found, what):
+def together(found: list[Look], what: str) -> Seen:
     """Where something was seen by any study, value by value.
 
     Parameters
@@ -117,12 +122,12 @@ def together(found, what):
     return every.where(motions > 0)
 
 
-def failures(found):
+def failures(found: list[Look]) -> int:
     """Motions that failed numerically, over all studies."""
     return int(sum(one.failed.sum() for one in found))
 
 
-def _of_search(critical):
+def _of_search(critical: xr.Dataset) -> Look:
     """Trials of a search, without those that follow rattling longer."""
     rows = np.ones(critical.sizes["trial"], bool)
     if "trial_stage" in critical:
@@ -137,7 +142,7 @@ def _of_search(critical):
                 critical["trial_cycles"].values[rows], "search")
 
 
-def _of_branch(branch, flank):
+def _of_branch(branch: xr.Dataset, flank: str) -> Look:
     """One start of a sweep; points that were never reached are no failures."""
     some = (branch["force"].values < 0) == (flank == "coast")
     branch = branch.isel({branch["status"].dims[0]: some})
@@ -155,7 +160,7 @@ def _of_branch(branch, flank):
                 rattling, met, done * branch.sizes["recorded_cycle"], str(branch["start"].values))
 
 
-def _of_response(attrs, flank):
+def _of_response(attrs: dict[str, Any], flank: str) -> Look:
     """One response; what it met at the other flank counts whatever the flight before."""
     done = not attrs["status"]
     own, other = MotionState.ENGAGEMENT, MotionState.BACK_ENGAGEMENT

@@ -7,8 +7,10 @@ in between?  Each sentence says what it rests on; none is told without it.
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.arrivals import arrivals_in, per_cycle
 from lapwing.base.codes import Status
@@ -21,12 +23,15 @@ from lapwing.report.numbers import doubtful
 from lapwing.report.words import parameter_unit, plural
 from lapwing.results.findings import START_NAMES, known, names, rattles
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 HEADING = "## Findings"
 # What to add to a deck, in its own words.
 SEARCH = "&critical, find = 'safe'"
 
 
-def findings(responses, criticals, sweeps, missing=()):
+def findings(responses: Any, criticals: Any, sweeps: Any, missing: Any = ()) -> list[str]:
     """What a run found, the most important first.
 
     Parameters
@@ -46,12 +51,12 @@ def findings(responses, criticals, sweeps, missing=()):
     return [*stopped, *answers, *torque.failures()]
 
 
-def findings_lines(found):
+def findings_lines(found: list[str]) -> list[str]:
     """The section of the summary: heading and list."""
     return [HEADING, "", *(f"- {sentence}" for sentence in found)]
 
 
-def told_in(summary):
+def told_in(summary: str) -> tuple[str, ...]:
     """The sentences of the findings of a summary, as `findings` gave them; none where it has none.
 
     Parameters
@@ -66,7 +71,7 @@ def told_in(summary):
     return tuple(line.removeprefix("- ") for line in rest.partition("\n\n")[0].splitlines())
 
 
-def on_console(found, width=100):
+def on_console(found: Any, width: int = 100) -> str:
     """The sentences without Markdown, wrapped, as one text."""
     import textwrap
 
@@ -76,7 +81,7 @@ def on_console(found, width=100):
         break_long_words=False, break_on_hyphens=False) for sentence in plain)
 
 
-def _stopped(sweeps, missing):
+def _stopped(sweeps: Any, missing: Any) -> list[str]:
     """What the deck asked for and did not get."""
     parts = [f"{kind} `{name}` has no result" for kind, name in missing]
     for sweep in sweeps:
@@ -93,7 +98,7 @@ class _Torque:
 
     unit = parameter_unit("brake_torque")
 
-    def __init__(self, responses, criticals, sweeps):
+    def __init__(self, responses: Any, criticals: Any, sweeps: Any) -> None:
         self.responses = [one for one in responses if not int(one.attrs.get("own_operation", 0))]
         self.criticals = [one for one in criticals if one.attrs["parameter"] == "brake_torque"
                           and not int(one.attrs.get("own_operation", 0))]
@@ -108,25 +113,25 @@ class _Torque:
                      ("contact_law", "impact_law", "gap", "balanced") if key in one.attrs}
         self.law = arrivals_in(self.laws)
 
-    def sentences(self):
+    def sentences(self) -> list[str]:
         """Back impacts, separation, contact, in between, what to choose."""
         return [sentence for sentence in (
             self._back_sentence(), self._separation_sentence(), self._kept_sentence(),
             self._between_sentence(), self._choice_sentence(), self._coast_sentence()) if sentence]
 
-    def failures(self):
+    def failures(self) -> list[str]:
         """What is not covered, where anything else is known."""
         lost = failures([*self.looks, *self.coast])
         return [f"**{plural(lost, 'motion')} failed numerically**: what they would have shown is "
                 "not covered."] if lost else []
 
-    def _at(self, values, what="looked at"):
+    def _at(self, values: NDArray[Any], what: str = "looked at") -> str:
         """Such values in words: 'at 12 N·m', 'at the 5 torques looked at, 12 to 14 N·m'."""
         if len(values) == 1:
             return f"at {values[0]:g} {self.unit}, the only torque {what}"
         return f"at the {len(values)} torques {what}, {values[0]:g} to {values[-1]:g} {self.unit}"
 
-    def _back_sentence(self):
+    def _back_sentence(self) -> str:
         seen, word = self.back, f"back {self.law.word}"
         if not seen.values.size or self.laws.get("gap") == "one_flank":
             return ""
@@ -146,7 +151,7 @@ class _Torque:
         return (f"{head}: none {self._at(above.values, 'looked at above it')}, in "
                 f"{_cycles(above.cycles.sum())}{self._rate(seen.last)}.{bands}")
 
-    def _rate(self, last):
+    def _rate(self, last: float | None) -> str:
         """The limit of the rate of back impacts beyond the last one, where one is known."""
         for one in self.criticals:
             if "trial_rate_bound" not in one or one.attrs.get("safe_end") != "high":
@@ -163,12 +168,12 @@ class _Torque:
                         f"than one burst of them begins in {1 / bound:,.0f} mesh cycles)")
         return ""
 
-    def _search(self):
+    def _search(self) -> xr.Dataset:
         """A search for T_safe, or None."""
         return next((one for one in self.criticals if one.attrs["find"] == "safe"
                      and one.attrs.get("safe_end") == "high"), None)
 
-    def _quiet(self):
+    def _quiet(self) -> tuple[NDArray[Any], str]:
         """Values above the last rattling at which nothing rattles and nothing failed.
 
         Returns
@@ -187,7 +192,7 @@ class _Torque:
                                f" followed for {attrs['settle'] + attrs['record']} mesh cycles")
         return quiet, self._how(quiet)
 
-    def _how(self, values):
+    def _how(self, values: NDArray[Any]) -> str:
         """From which starts the motions at all of some values came, or that it is not the same."""
         from_ = {one.how: set(one.values[one.motions > 0]) for one in self.looks
                  if one.rattling is not None}
@@ -197,12 +202,12 @@ class _Torque:
         return "by the responses alone" if set(from_) == {"response"} \
             else "not from the same starts at each"
 
-    def _last_rattling(self):
+    def _last_rattling(self) -> str:
         """The greatest torque with rattling, to the digits that the step to a quiet one leaves."""
         quiet = self._quiet()[0]
         return at_most(self.rattling.last, quiet[0] - self.rattling.last if quiet.size else 0.0)
 
-    def _separation_sentence(self):
+    def _separation_sentence(self) -> str:
         seen = self.rattling
         if not seen.values.size or (seen.values.size == 1 and self._of_responses()):
             return ""
@@ -219,7 +224,7 @@ class _Torque:
         return (f"**Separation** was seen up to {self._last_rattling()} {self.unit}, and none "
                 f"{self._at(quiet, 'looked at above it')} ({how}).")
 
-    def _kept(self):
+    def _kept(self) -> tuple[str, str, float] | None:
         """(find, outcome, value, phase) of T_full or T_on, or None."""
         for one in self.criticals:
             if one.attrs["find"] in ("full", "on"):
@@ -230,7 +235,7 @@ class _Torque:
                 return "full", "found", float(one.attrs["full_engagement"])
         return None
 
-    def _kept_sentence(self):
+    def _kept_sentence(self) -> str:
         if self.kept is None:
             return ""
         find, outcome, value = self.kept
@@ -250,7 +255,7 @@ class _Torque:
         return f"{head}; no other motion was seen above it" \
             + ", but some failed numerically" * bool(beyond.failed.any()) + "."
 
-    def _between_sentence(self):
+    def _between_sentence(self) -> str:
         """What happens between the last back impact and the last separation."""
         high, low = self.rattling.last, self.back.last
         if high is None:
@@ -261,7 +266,7 @@ class _Torque:
                 return found
         return self._of_responses()
 
-    def _between_in(self, sweep, low, high):
+    def _between_in(self, sweep: xr.Dataset, low: float | None, high: float) -> str:
         values = sweep["brake_torque"].values
         starts = [str(start) for start in sweep["start"].values]
         branch = sweep.isel(start=starts.index("rest") if "rest" in starts else 0)
@@ -285,7 +290,7 @@ class _Torque:
         return text + (f"; no period at {wild.sum()} of {plural(at.size, 'torque')}, the highest "
                        f"{values[at[wild][-1]]:g} {self.unit}.")
 
-    def _of_responses(self):
+    def _of_responses(self) -> str:
         """The responses that part, one by one."""
         there = [one.attrs for one in self.responses if not one.attrs["status"]
                  and not one.attrs["fully_engaged"] and one.attrs["force"] > 0]
@@ -303,7 +308,7 @@ class _Torque:
         more = f"; {len(there) - MOST} more below" * (len(there) > MOST)
         return f"**Where the teeth part**: {'; '.join(parts)}{more}."
 
-    def _choice_sentence(self):
+    def _choice_sentence(self) -> str:
         """The least torque to choose, and what would change it."""
         seen = self.rattling
         value = self.kept[2] if self.kept and self.kept[1] == "found" else math.nan
@@ -334,7 +339,7 @@ class _Torque:
             f" Few starts were tried: a search for T_safe ({SEARCH}) tries more."
         return f"{head}{margin}; {doubt} may move it.{few}"
 
-    def _coast_sentence(self):
+    def _coast_sentence(self) -> str:
         seen = together(self.coast, "rattling")
         if not seen.values.size:
             return ""
@@ -347,10 +352,10 @@ class _Torque:
                 f"{bands(seen.values, ~seen.seen)} {self.unit}.")
 
 
-def _cycles(number):
+def _cycles(number: int) -> str:
     return f"{number:,} mesh cycle" + "s" * bool(number != 1)
 
 
-def _count(number, word):
+def _count(number: float, word: str) -> str:
     """A number of impacts to three digits, in words."""
     return plural(float(f"{number:.3g}"), word)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.report.numbers import DIGITS
 
@@ -12,17 +15,17 @@ from lapwing.report.numbers import DIGITS
 MOST = 4
 
 
-def at_least(value, step=0.0):
+def at_least(value: float, step: float = 0.0) -> str:
     """A lower limit in words, rounded up: to four digits, or to what a bracket leaves."""
     return _rounded(value, math.ceil, step)
 
 
-def at_most(value, step=0.0):
+def at_most(value: float, step: float = 0.0) -> str:
     """An upper limit in words, rounded down likewise."""
     return _rounded(value, math.floor, step)
 
 
-def _rounded(value, towards, step):
+def _rounded(value: float, towards: Callable[..., Any], step: float) -> str:
     if value == 0 or not math.isfinite(value):
         return f"{value:g}"
     places = DIGITS - 1 - math.floor(math.log10(abs(value)))
@@ -35,7 +38,7 @@ def _rounded(value, towards, step):
     return f"{whole * unit:.10g}"
 
 
-def bands(values, flags):
+def bands(values: NDArray[Any], flags: NDArray[Any]) -> str:
     """Runs of values at which something holds, in words: '1, 2 to 3'; of many the outermost."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
     runs = [f"{values[a]:g}" if b - a == 1 else f"{values[a]:g} to {values[b - 1]:g}"

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.registry import STUDIES
 from lapwing.deck.declare import SPEEDS
@@ -22,6 +25,12 @@ from lapwing.model.linear_response import CriticalForce
 from lapwing.studies.critical.run import TORQUES, of_force
 from lapwing.studies.sweep.varied import oscillator_at
 
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from lapwing.deck.deck import Asked, Deck
+    from lapwing.model.oscillator import Oscillator
+
 # Draws where each of many values needs its own bounds.
 _FEWER_DRAWS = 199
 
@@ -35,7 +44,7 @@ DESCRIPTIONS = {
     "repeat_value": (None, "critical value of other curves that such samples might give")}
 
 
-def with_interval(found, deck, study):
+def with_interval(found: xr.Dataset, deck: Deck, study: Asked) -> xr.Dataset:
     """A force-balance search with the interval of a fitted curve, and against its orders.
 
     Parameters
@@ -66,7 +75,7 @@ def with_interval(found, deck, study):
     return _against_order(found, deck, study, osc)
 
 
-def high_orders(deck, osc):
+def high_orders(deck: Deck, osc: Oscillator) -> dict[str, Any]:
     """What of a measured curve's critical force rests on its highest orders.
 
     Returns
@@ -83,7 +92,7 @@ def high_orders(deck, osc):
     return {"curve": "samples", "high_order_share": raw_share(osc, *table.samples())}
 
 
-def high_orders_of(deck):
+def high_orders_of(deck: Deck) -> dict[str, Any]:
     """The same at the deck's operating point; what it leaves to its studies is the first one's."""
     if deck.curve is None and not deck.te_table.sampled:
         return {}
@@ -97,7 +106,8 @@ def high_orders_of(deck):
     return high_orders(deck, deck.gear_pair.oscillator(deck.te, **operation))
 
 
-def raw_share(osc, phase, value, kinks):
+def raw_share(osc: Oscillator, phase: NDArray[Any], value: NDArray[Any],
+              kinks: NDArray[Any]) -> float:
     """How much of the force that raw samples lead to a smoothing spline takes away; NaN: unknown.
 
     Of exact samples next to nothing.
@@ -112,15 +122,16 @@ def raw_share(osc, phase, value, kinks):
     return abs(force - without) / abs(force) if known else math.nan
 
 
-def interval(deck, find, parameter, operation, values=None, safe_end="high"):
+def interval(deck: Deck, find: str, parameter: str, operation: dict[str, Any],
+             values: NDArray[Any] | None = None, safe_end: str = "high") -> tuple[float, float]:
     """Ends of the 95 % interval of a critical value; NaN where one is beyond the values searched.
 
     The critical value of the lower and of the upper limit of the force that contact needs.
     """
     known, draws = {}, {} if parameter in TORQUES else {"draws": _FEWER_DRAWS}
 
-    def bound(name):
-        def criterion(osc):
+    def bound(name: str) -> Callable[..., Any]:
+        def criterion(osc: Oscillator) -> CriticalForce:
             key = (osc.mesh_frequency_ratio, osc.damping_ratio, osc.flank_scale, osc.restitution)
             if key not in known:
                 known[key] = force_bounds(osc, deck.curve, **draws)
@@ -132,7 +143,7 @@ def interval(deck, find, parameter, operation, values=None, safe_end="high"):
     return tuple(ends if safe_end == "high" else ends[::-1])
 
 
-def _against_order(found, deck, study, osc):
+def _against_order(found: xr.Dataset, deck: Deck, study: Asked, osc: Oscillator) -> xr.Dataset:
     """The critical value and its interval by the highest order of an unsmoothed fit."""
     table = forces_by_order(osc, deck.curve)
     unit = oscillator_at(deck.gear_pair, deck.te, study.parameter, 1.0, study.operation)
@@ -143,18 +154,19 @@ def _against_order(found, deck, study, osc):
     return _described(found.assign_coords(fit_order=table["order"].astype(np.int32)))
 
 
-def first_of(deck, study, done):
+def first_of(deck: Deck, study: Asked, done: Callable[..., Any]) -> Callable[..., Any]:
     """Progress of the search itself where repeats follow it."""
     many = 1 + _repeats(deck, study)
     return lambda fraction: done(fraction / many)
 
 
-def _repeats(deck, study):
+def _repeats(deck: Deck, study: Asked) -> int:
     curve = deck.te_table.fit
     return curve.get("curve_repeats", 0) if study.find == "safe" else 0
 
 
-def with_repeats(found, deck, study, search, done=None):
+def with_repeats(found: xr.Dataset, deck: Deck, study: Asked, search: Callable[..., Any],
+                 done: Callable[..., Any] | None = None) -> xr.Dataset:
     """A search with the same search on other curves that samples with this noise might give.
 
     Parameters
@@ -183,7 +195,7 @@ def with_repeats(found, deck, study, search, done=None):
         low=low - bar, high=high + bar, confidence=CONFIDENCE, curve=deck.curve.method))
 
 
-def _described(dataset):
+def _described(dataset: xr.Dataset) -> xr.Dataset:
     for name in set(DESCRIPTIONS) & set(map(str, dataset.variables)):
         units, long_name = DESCRIPTIONS[name]
         dataset[name].attrs = {"long_name": long_name,

@@ -7,8 +7,11 @@ last back impact seen; `critical_on`: a rigid tooth stays on the flank.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base import arguments, quantities
 from lapwing.base.threads import checked_threads
@@ -22,6 +25,9 @@ from lapwing.studies.critical.starts import StartGrid, follow, start_grid
 from lapwing.studies.critical.value import CriticalValue
 from lapwing.studies.intervals import bursts, rate_limit
 from lapwing.studies.sweep.varied import oscillator_at, parameters
+
+if TYPE_CHECKING:
+    from lapwing.model.oscillator import Oscillator
 
 SAFE_ENDS = ("high", "low")
 # In these F is linear, and what it is compared with does not depend on them.
@@ -43,8 +49,9 @@ DESCRIPTIONS = {
     "trial_margin": ("rad", "force F above the one needed for contact")}
 
 
-def critical_full(pair, te, *, parameter="brake_torque", values=None, safe_end="high",
-                  **operation):
+def critical_full(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torque",
+                  values: NDArray[Any] | None = None, safe_end: str = "high",
+                  **operation: Any) -> CriticalValue:
     """Value from which on the engaged motion keeps contact: F > F_crit.
 
     Along a torque F is linear and F_crit constant: a closed form, for any transmission error, to
@@ -77,7 +84,9 @@ def critical_full(pair, te, *, parameter="brake_torque", values=None, safe_end="
     return of_force("full", critical_force, pair, te, parameter, values, safe_end, operation)
 
 
-def critical_on(pair, te, *, parameter="brake_torque", values=None, safe_end="high", **operation):
+def critical_on(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torque",
+                values: list[float] | None = None, safe_end: str = "high",
+                **operation: Any) -> CriticalValue:
     """Value from which on a rigid tooth rests on the drive flank: F > max g''; `rigid` law only.
 
     Arguments and result are those of `critical_full`; outcome may also be 'thrown_off' or 'struck':
@@ -86,9 +95,12 @@ def critical_on(pair, te, *, parameter="brake_torque", values=None, safe_end="hi
     return of_force("on", lift_off_force, pair, te, parameter, values, safe_end, operation)
 
 
-def critical_safe(pair, te, *, parameter="brake_torque", values, safe_end="high", resolution=None,
-                  starts=None, phase=0.0, settle=200, record=50, further=0, numerics=None,
-                  threads=None, progress=None, **operation):
+def critical_safe(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torque",
+                  values: NDArray[Any], safe_end: str = "high", resolution: float | None = None,
+                  starts: StartGrid | None = None, phase: float = 0.0, settle: int = 200,
+                  record: int = 50, further: float = 0, numerics: Numerics | None = None,
+                  threads: int | None = None, progress: Callable[..., Any] | None = None,
+                  **operation: Any) -> CriticalValue:
     """Value above which no rattling survives, from a stated set of starts.
 
     1. Try the values from the safe end on, each from rest and from a grid of phase, position and
@@ -141,7 +153,7 @@ def critical_safe(pair, te, *, parameter="brake_torque", values, safe_end="high"
     finest = 4 * float(np.spacing(np.abs(values).max())) if values.size > 1 else 0.0
     resolution = arguments.real("resolution", resolution, low=finest)
 
-    def at(value):
+    def at(value: float) -> Oscillator:
         return oscillator_at(pair, te, parameter, value, operation)
 
     search = SafeSearch(at, starts, phase, settle, record, resolution, numerics,
@@ -157,9 +169,12 @@ def critical_safe(pair, te, *, parameter="brake_torque", values, safe_end="high"
         n_starts=search.trials[0].starts)
 
 
-def critical_back(pair, te, *, parameter="brake_torque", values, safe_end="high", starts=None,
-                  phase=0.0, settle=200, record=1200, confidence=0.95, numerics=None, threads=None,
-                  progress=None, **operation):
+def critical_back(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torque",
+                  values: NDArray[Any], safe_end: str = "high", starts: StartGrid | None = None,
+                  phase: float = 0.0, settle: int = 200, record: int = 1200,
+                  confidence: float = 0.95, numerics: Numerics | None = None,
+                  threads: int | None = None, progress: Callable[..., Any] | None = None,
+                  **operation: Any) -> CriticalValue:
     """Last value at which a back impact was seen, and how far the values beyond it can be trusted.
 
     Back impacts are rare events of chaotic motions and come in bands: every value is examined, and
@@ -228,7 +243,7 @@ def critical_back(pair, te, *, parameter="brake_torque", values, safe_end="high"
         n_starts=int(followed[0]))
 
 
-def _last_seen(values, seen):
+def _last_seen(values: NDArray[Any], seen: NDArray[Any]) -> tuple[str, float, float]:
     """Outcome, estimate and bar of a search for back impacts."""
     hits = np.flatnonzero(seen)
     if not hits.size:
@@ -238,7 +253,8 @@ def _last_seen(values, seen):
     return "found", float(values[hits[0]]), float(abs(values[hits[0] - 1] - values[hits[0]]))
 
 
-def _clean(values, seen, cycles, bound):
+def _clean(values: NDArray[Any], seen: NDArray[Any], cycles: NDArray[Any],
+           bound: NDArray[Any]) -> dict[str, float]:
     """The clean interval next to the safe end."""
     hits = np.flatnonzero(seen)
     n = hits[0] if hits.size else values.size
@@ -249,7 +265,9 @@ def _clean(values, seen, cycles, bound):
             "rate_bound": float(bound[:n].max()) if n else math.nan}
 
 
-def of_force(find, criterion, pair, te, parameter, values, safe_end, operation):
+def of_force(find: str, criterion: Callable[..., Any], pair: GearPair, te: TransmissionError,
+             parameter: str, values: NDArray[Any] | None, safe_end: str,
+             operation: dict[str, Any]) -> CriticalValue:
     """Where F passes what `criterion(osc)` asks for: a force (rad) and a phase, as `CriticalForce`.
 
     The other arguments and the result are those of `critical_full`.
@@ -257,7 +275,7 @@ def of_force(find, criterion, pair, te, parameter, values, safe_end, operation):
     _checked_pair(pair, te, parameter)
     arguments.choice("safe_end", safe_end, SAFE_ENDS)
 
-    def at(value):
+    def at(value: float) -> Oscillator:
         return oscillator_at(pair, te, parameter, value, operation)
 
     if parameter in TORQUES:
@@ -277,11 +295,12 @@ def of_force(find, criterion, pair, te, parameter, values, safe_end, operation):
     return _along(find, criterion, at, parameter, values, safe_end)
 
 
-def _along(find, criterion, at, parameter, values, safe_end):
+def _along(find: str, criterion: Callable[..., Any], at: Callable[..., Any], parameter: str,
+           values: NDArray[Any], safe_end: str) -> CriticalValue:
     """The first sign change of F minus what is asked for, from the safe end on."""
     from scipy.optimize import brentq
 
-    def margin(value):
+    def margin(value: float) -> float:
         osc = at(float(value))
         return osc.force - _needed(criterion, osc).force
 
@@ -304,7 +323,7 @@ def _along(find, criterion, at, parameter, values, safe_end):
                     phase=lost.phase, **_scan(values, safe_end))
 
 
-def _needed(criterion, osc):
+def _needed(criterion: Callable[..., Any], osc: Oscillator) -> LiftOff:
     """Force asked for, as a `LiftOff`; infinite at an undamped resonance, which grows for ever."""
     try:
         return LiftOff(*criterion(osc))
@@ -312,27 +331,29 @@ def _needed(criterion, osc):
         return LiftOff(math.inf, math.nan, RESONANCE)
 
 
-def _check_law(find, osc):
+def _check_law(find: str, osc: Oscillator) -> None:
     if (osc.contact_law == "rigid") != (find == "on"):
         other = "critical_on" if osc.contact_law == "rigid" else "critical_full"
         raise ValueError(f"critical: critical_{find} does not go with contact_law = "
                          f"{osc.contact_law!r}; expected {other}")
 
 
-def _scan_order(values, safe_end):
+def _scan_order(values: NDArray[Any], safe_end: str) -> NDArray[Any]:
     """Values, each once, the safe end first."""
     arguments.choice("safe_end", safe_end, SAFE_ENDS)
     values = np.unique(arguments.reals("values", values))
     return values[::-1] if safe_end == "high" else values
 
 
-def _checked_pair(pair, te, parameter):
+def _checked_pair(pair: GearPair, te: TransmissionError, parameter: str) -> None:
     arguments.instance("pair", pair, GearPair)
     arguments.instance("te", te, TransmissionError)
     arguments.choice("parameter", parameter, parameters())
 
 
-def _checked(pair, te, parameter, starts, default_starts, numerics, progress):
+def _checked(pair: GearPair, te: TransmissionError, parameter: str, starts: StartGrid | None,
+             default_starts: StartGrid, numerics: Numerics | None,
+             progress: Callable[..., Any] | None) -> tuple[StartGrid, Numerics]:
     """Starts and numerics, given or the default, after a look at what else enters."""
     _checked_pair(pair, te, parameter)
     if progress is not None:
@@ -342,26 +363,27 @@ def _checked(pair, te, parameter, starts, default_starts, numerics, progress):
             else arguments.instance("numerics", numerics, Numerics))
 
 
-def _scan(values, safe_end):
+def _scan(values: NDArray[Any], safe_end: str) -> dict[str, Any]:
     """Attributes that state the grid of values."""
     return {"safe_end": safe_end, "scan_from": float(values[0]), "scan_to": float(values[-1]),
             "scan_values": values.size}
 
 
-def _starts(starts, phase, settle, record):
+def _starts(starts: StartGrid, phase: float, settle: int, record: int) -> dict[str, float]:
     """Attributes that state what was followed."""
     return {"start_phases": starts.phases, "start_positions": starts.positions,
             "start_speeds": starts.speeds, "start_phase": phase, "settle": settle,
             "record": record}
 
 
-def _trials(trials):
+def _trials(trials: list[Trial]) -> dict[str, Any]:
     columns = {f"trial_{name}": [getattr(trial, name) for trial in trials]
                for name in Trial._fields}
     return {**columns, "trial_stage": np.array(columns["trial_stage"], dtype=np.int8)}
 
 
-def _found(find, parameter, outcome, estimate, bar, variables=None, **attrs):
+def _found(find: str, parameter: str, outcome: str, estimate: float, bar: float,
+           variables: dict[str, NDArray[Any]] | None = None, **attrs: Any) -> CriticalValue:
     import xarray as xr
 
     unit = quantities.parameter(parameter).units

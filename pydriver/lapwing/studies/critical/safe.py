@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.codes import SearchStage
 from lapwing.studies.critical.starts import fitted, follow, start_grid
@@ -53,7 +54,7 @@ class SafeSearch:
     progress: object = None
     trials: list = field(default_factory=list)
 
-    def run(self, values, further):
+    def run(self, values: NDArray[Any], further: int) -> tuple[float, float]:
         """Search `values`, the safe end first; returns (rattling, clean), NaN where there is none.
 
         1. Try each value from the grid of starts until some motion rattles. A run that fails
@@ -85,7 +86,7 @@ class SafeSearch:
             self._try(rattling, SearchStage.CONFIRMATION, states, only=True, times=PATIENCE)
         return rattling, clean
 
-    def _from_beyond(self, beyond, rattling):
+    def _from_beyond(self, beyond: list[float], rattling: float) -> list[Any]:
         """States at the last rattling value of motions found on its unsafe side."""
         states = []
         for value in map(float, reversed(beyond)):
@@ -93,10 +94,10 @@ class SafeSearch:
             states = survivors + self._try(value, SearchStage.FURTHER)[1]
         return self._carried(rattling, states)
 
-    def _carried(self, value, states):
+    def _carried(self, value: float, states: list[Any]) -> list[Any]:
         return self._try(value, SearchStage.CARRIED, states, only=True)[1] if states else []
 
-    def _halve(self, rattling, clean, states):
+    def _halve(self, rattling: float, clean: float, states: list[Any]) -> tuple[float, float, Any]:
         while abs(clean - rattling) > 2 * self.resolution:
             middle = 0.5 * (rattling + clean)
             if middle in (rattling, clean):
@@ -108,7 +109,8 @@ class SafeSearch:
                 clean = middle
         return rattling, clean, states
 
-    def _raise(self, rattling, clean, states, safe_end):
+    def _raise(self, rattling: float, clean: float, states: list[Any],
+               safe_end: float) -> tuple[float, float, Any]:
         """Carry what rattles towards the safe end until nothing of it survives a step."""
         step = math.copysign(2 * self.resolution, clean - rattling)
         while True:
@@ -122,7 +124,8 @@ class SafeSearch:
             if (safe_end - clean) * step < 0:
                 clean = safe_end
 
-    def _try(self, value, stage, carried=(), only=False, times=1):
+    def _try(self, value: float, stage: SearchStage, carried: Any = (), only: bool = False,
+             times: int = 1) -> tuple[bool, Any]:
         """Whether some motion at a value rattles (or fails), and where those that rattle ended."""
         osc = self.oscillator_at(value)
         pick = np.linspace(0, len(carried) - 1, min(CARRIED, len(carried))).round().astype(int)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +14,11 @@ from lapwing.base import arguments, estimates
 from lapwing.base.codes import MotionState, Status
 from lapwing.engine import Wanted
 from lapwing.engine.records import CYCLE_TABLE, SAMPLE
+
+if TYPE_CHECKING:
+    from lapwing.engine.calls import SweepResult
+    from lapwing.engine.numerics import Numerics
+    from lapwing.model.oscillator import Oscillator
 
 # One call into the engine holds at most this much of the cycle tables.
 MAX_BYTES = 1 << 26
@@ -34,12 +41,13 @@ class StartGrid:
     positions: int = 3
     speeds: int = 3
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("phases", "positions", "speeds"):
             object.__setattr__(self, name, arguments.whole(name, getattr(self, name), 1, 1000))
 
 
-def start_grid(osc, grid, phase=0.0):
+def start_grid(osc: Oscillator, grid: StartGrid,
+               phase: float = 0.0) -> list[tuple[float, float, float, float]]:
     """Rest, and middles of equal cells of phase, position and speed.
 
     Separation: φ over the whole gap (`one_flank`: over the height of a flight of two mesh cycles),
@@ -78,7 +86,7 @@ def start_grid(osc, grid, phase=0.0):
     return starts
 
 
-def _depth(osc, phase, pull):
+def _depth(osc: Oscillator, phase: float, pull: float) -> float:
     """How far from the drive flank a start in separation may lie, rad."""
     if osc.gap == "one_flank":
         return 0.5 * pull * osc.period**2
@@ -87,14 +95,16 @@ def _depth(osc, phase, pull):
     return osc.gap_width + osc.flank_scale * float(osc.te.value(phase))
 
 
-def _in_cells(state, farthest, fastest, grid):
+def _in_cells(state: MotionState, farthest: float, fastest: float,
+              grid: StartGrid) -> Iterator[tuple[float, float, float]]:
     """(motion state, φ, φ') in the middle of each cell."""
     for position in (np.arange(grid.positions) + 0.5) / grid.positions:
         for speed in 2 * (np.arange(grid.speeds) + 0.5) / grid.speeds - 1:
             yield float(state), float(farthest * position), float(fastest * speed)
 
 
-def fitted(osc, start):
+def fitted(osc: Oscillator,
+           start: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
     """A start carried from another oscillator, moved into the gap of this one where it is not."""
     state, phi, phi_dot, phase = start
     if osc.gap == "one_flank" or state in (engine.REST, MotionState.ENGAGEMENT):
@@ -127,7 +137,9 @@ class Fates:
     back_at: list = field(default_factory=list)
 
 
-def follow(oscillators, starts, settle, record, *, numerics, threads, progress=None):
+def follow(oscillators: list[Oscillator], starts: list[tuple[float, float, float, float]],
+           settle: int, record: int, *, numerics: Numerics, threads: int,
+           progress: Callable[..., Any] | None = None) -> Fates:
     """Follow one motion from each start, side by side.
 
     Parameters
@@ -162,12 +174,12 @@ def follow(oscillators, starts, settle, record, *, numerics, threads, progress=N
                  [times for one in done for times in one.back_at])
 
 
-def _part(progress, begun, share):
+def _part(progress: Callable[..., Any] | None, begun: float, share: float) -> Callable[..., Any]:
     """Progress of one batch as part of the whole."""
     return progress and (lambda fraction: progress(begun + share * fraction))
 
 
-def _fates(result, starts):
+def _fates(result: SweepResult, starts: list[tuple[float, float, float, float]]) -> Fates:
     failed, cycles = result.outcome["status"] != Status.OK, result.cycles
     rattles = np.any((cycles["states_visited"] != ENGAGED) | (cycles["impacts"] > 0), axis=1)
     back = (cycles["back_impacts"] + cycles["back_engages"] > 0) & ~failed[:, None]

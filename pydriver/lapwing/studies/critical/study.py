@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 from lapwing.engine import Numerics
 from lapwing.studies import cost
@@ -12,26 +14,33 @@ from lapwing.studies.critical.starts import follow, start_grid
 from lapwing.studies.labels import labels
 from lapwing.studies.sweep.varied import oscillator_at
 
+if TYPE_CHECKING:
+    import xarray as xr
 
-def extent(_):
+    from lapwing.deck.deck import Asked, Deck
+
+
+def extent(_: Asked) -> tuple[int, str]:
     """How much of it there is to tell progress by, and in what unit."""
     return 100, "%"
 
 
-def failed(dataset):
+def failed(dataset: xr.Dataset) -> str:
     """What failed numerically, in words; empty text, nothing."""
     runs = int(dataset["trial_failed"].sum()) if "trial_failed" in dataset else 0
     return f"critical {{}} ({runs} motions)" * bool(runs)
 
 
-def carry_out(deck, study, order, threads, done):
+def carry_out(deck: Deck, study: Asked, order: int, threads: int,
+              done: Callable[..., Any]) -> xr.Dataset:
     """One critical value of a deck, told as done at its end; see `registry`."""
     found = critical_study(deck, study, threads, done)
     done(1.0)
     return found
 
 
-def critical_study(deck, study, threads, done=None):
+def critical_study(deck: Deck, study: Asked, threads: int,
+                   done: Callable[..., Any] | None = None) -> xr.Dataset:
     """One critical value of a deck.
 
     Parameters
@@ -68,7 +77,7 @@ def critical_study(deck, study, threads, done=None):
     return found
 
 
-def estimate(deck, study, seconds, clock, threads):
+def estimate(deck: Deck, study: Asked, seconds: float, clock: Any, threads: int) -> tuple[Any, ...]:
     """How long it takes, as `cost.Stage` has it after its name.
 
     A closed form is carried out, a search for back impacts tried at some values (`cost.rates`). How
@@ -90,7 +99,7 @@ def estimate(deck, study, seconds, clock, threads):
     return taken, taken, 1.0
 
 
-def rattling_at(deck, study, threads):
+def rattling_at(deck: Deck, study: Asked, threads: int) -> int:
     """Follow the grid of starts of a search for rattling at its first value, and nothing more.
 
     Returns
@@ -105,7 +114,7 @@ def rattling_at(deck, study, threads):
     return len(starts)
 
 
-def full_engagement(deck, study):
+def full_engagement(deck: Deck, study: Asked) -> dict[str, float]:
     """T_full where a response, or a sweep of the braking torque, runs.
 
     The driving torque is in balance or as given.

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base import arguments
 from lapwing.model.oscillator import Oscillator
 from lapwing.studies.orbit.newton import NUMERICS, NoOrbit, find_orbit, settled_state
+
+if TYPE_CHECKING:
+    from lapwing.base.codes import MotionState
+    from lapwing.engine.numerics import Numerics
+    from lapwing.studies.orbit.newton import Orbit
 
 # Steps in the parameter from one doubling to the next.
 MOST_FOLLOWED = 60
@@ -20,7 +28,8 @@ class Followed(list):
     lost: str | None = None
 
 
-def follow(make, values, start, cycles=1, *, numerics=NUMERICS):
+def follow(make: Callable[..., Any], values: NDArray[Any], start: tuple[MotionState, float, float],
+           cycles: int = 1, *, numerics: Numerics = NUMERICS) -> Followed:
     """Continue a periodic motion over values of a parameter, one Newton from the next.
 
     Parameters
@@ -64,12 +73,13 @@ def follow(make, values, start, cycles=1, *, numerics=NUMERICS):
     return orbits
 
 
-def _made(make, value):
+def _made(make: Callable[..., Any], value: float) -> Oscillator:
     """The oscillator at a value of the parameter."""
     return arguments.instance("make(value)", make(value), Oscillator)
 
 
-def _found_at(make, value, start, cycles, numerics):
+def _found_at(make: Callable[..., Any], value: float, start: tuple[MotionState, float, float],
+              cycles: int, numerics: Numerics) -> Orbit:
     """`find_orbit` at a value of the parameter, which a failure names."""
     osc = _made(make, value)
     try:
@@ -78,7 +88,8 @@ def _found_at(make, value, start, cycles, numerics):
         raise NoOrbit(f"at parameter value {value:.10g}: {error}", value) from error
 
 
-def _predicted(values, orbits, value):
+def _predicted(values: list[float], orbits: Followed,
+               value: float) -> tuple[MotionState, float, float]:
     """State on the secant through the last two."""
     k = len(orbits)
     (_, *one), (state, *two) = orbits[-2].state, orbits[-1].state
@@ -86,14 +97,16 @@ def _predicted(values, orbits, value):
     return state, *(np.array(two) + share * (np.array(two) - one))
 
 
-def flip_distance(orbit):
+def flip_distance(orbit: Orbit) -> float:
     """(1 + λ₁)(1 + λ₂) = 1 + trace + det: zero where a multiplier is -1, negative beyond."""
     found = orbit.multipliers
     det = found.det_sign * math.exp(found.log_det) if found.rank == 2 else 0.0
     return 1 + found.trace + det
 
 
-def period_doubling(make, low, high, start, cycles=1, *, numerics=NUMERICS):
+def period_doubling(make: Callable[..., Any], low: float, high: float,
+                    start: tuple[MotionState, float, float], cycles: int = 1, *,
+                    numerics: Numerics = NUMERICS) -> tuple[float, Orbit]:
     """Parameter value at which a multiplier of a periodic motion passes -1.
 
     Parameters
@@ -122,7 +135,7 @@ def period_doubling(make, low, high, start, cycles=1, *, numerics=NUMERICS):
     low, high = arguments.real("low", low), arguments.real("high", high)
     known = {}
 
-    def distance(value):
+    def distance(value: float) -> float:
         nearest = min(known, key=lambda other: abs(other - value), default=None)
         orbit = _found_at(make, value, known[nearest].state if known else start, cycles, numerics)
         if orbit.cycles != cycles:
@@ -140,7 +153,9 @@ def period_doubling(make, low, high, start, cycles=1, *, numerics=NUMERICS):
     return value, known[value]
 
 
-def cascade(make, low, high, start, doublings, *, cycles=1, settle=400, numerics=NUMERICS):
+def cascade(make: Callable[..., Any], low: float, high: float,
+            start: tuple[MotionState, float, float], doublings: int, *, cycles: int = 1,
+            settle: int = 400, numerics: Numerics = NUMERICS) -> list[tuple[float, Orbit]]:
     """A period-doubling cascade upwards in a parameter: value and motion of each doubling.
 
     1. The first doubling lies between `low` and `high` (`period_doubling`).
@@ -178,7 +193,8 @@ def cascade(make, low, high, start, doublings, *, cycles=1, settle=400, numerics
     return found
 
 
-def _around_flip(make, value, step, orbit, numerics):
+def _around_flip(make: Callable[..., Any], value: float, step: float, orbit: Orbit,
+                 numerics: Numerics) -> tuple[float, float, tuple[MotionState, float, float]]:
     """Two values on either side of an orbit's next doubling, and its state at the first.
 
     A step that ends on a motion of another period, the old one beside it as a rule, is halved.
@@ -197,7 +213,8 @@ def _around_flip(make, value, step, orbit, numerics):
     raise NoOrbit(f"no doubling found up to parameter value {value:.10g}", value)
 
 
-def _doubled(make, value, orbit, settle, numerics):
+def _doubled(make: Callable[..., Any], value: float, orbit: Orbit, settle: int,
+             numerics: Numerics) -> Orbit:
     """The motion of twice the period just beyond a doubling, by settling beside the old one."""
     state, phi, phi_dot = orbit.state
     beside = (state, phi, phi_dot + 1e-3 * orbit.size)

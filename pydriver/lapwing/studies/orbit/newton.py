@@ -7,8 +7,10 @@ engine's tangent maps, through impacts and chatter.  Stable or not, a motion is 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base import arguments
 from lapwing.base.arguments import MAX_INT
@@ -33,11 +35,11 @@ class NoOrbit(RuntimeError):
     `value` is that of the parameter where one was followed, named in the message too, else None.
     """
 
-    def __init__(self, message: str, value: float | None = None):
+    def __init__(self, message: str, value: float | None = None) -> None:
         super().__init__(message)
         self.value = value
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[type, tuple[str, float]]:
         return type(self), (str(self), self.value)
 
 
@@ -83,7 +85,8 @@ class Orbit:
                 "stable": self.multipliers.stable, "misses itself by": f"{self.residual:.1e}"}
 
 
-def settled_state(osc, cycles, start="rest", *, numerics=NUMERICS):
+def settled_state(osc: Oscillator, cycles: int, start: Any = "rest", *,
+                  numerics: Numerics = NUMERICS) -> tuple[MotionState, float, float]:
     """State at phase 0 after so many mesh cycles.
 
     Returns
@@ -105,14 +108,15 @@ def settled_state(osc, cycles, start="rest", *, numerics=NUMERICS):
     return _strobed(call)
 
 
-def follow_cycles(call, cycles):
+def follow_cycles(call: TrajectoryCall, cycles: int) -> None:
     """Run a `TrajectoryCall` to the beginning of a cycle; NoOrbit where it fails numerically."""
     call.run((cycles, 0.0), [])
     if call.status != Status.OK:
         raise NoOrbit(f"the run ended with {call.status.name}")
 
 
-def find_orbit(osc, start="rest", cycles=1, *, settle=400, numerics=NUMERICS):
+def find_orbit(osc: Oscillator, start: tuple[Any, float, float] = "rest", cycles: int = 1, *,
+               settle: int = 400, numerics: Numerics = NUMERICS) -> Orbit:
     """Newton's method on the map over `cycles` mesh cycles.
 
     1. The map and its matrix M from one run; the step is (M - 1)⁻¹ (x - map(x)).
@@ -169,7 +173,7 @@ def find_orbit(osc, start="rest", cycles=1, *, settle=400, numerics=NUMERICS):
     return _orbit(osc, state, here, cycles, numerics)
 
 
-def _checked(osc, cycles, numerics):
+def _checked(osc: Oscillator, cycles: int, numerics: Numerics) -> int:
     """The mesh cycles of an orbit, after a look at what else enters."""
     arguments.instance("osc", osc, Oscillator)
     arguments.instance("numerics", numerics, Numerics)
@@ -188,7 +192,8 @@ class _Mapped:
     miss: float
 
 
-def _cycle_map(osc, state, x, cycles, numerics):
+def _cycle_map(osc: Oscillator, state: MotionState, x: NDArray[Any], cycles: int,
+               numerics: Numerics) -> _Mapped | None:
     """The map from a state; None where it is no start or ends in another motion state."""
     start = (state, *x)
     try:
@@ -209,12 +214,12 @@ def _cycle_map(osc, state, x, cycles, numerics):
                    float(np.abs(image - x).max() / size))
 
 
-def _strobed(call):
+def _strobed(call: TrajectoryCall) -> tuple[MotionState, float, float]:
     """Where a call has come: motion state, phi, phi'; events at that instant have happened."""
     return MotionState(call.motion_state), float(call.phi), float(call.phi_dot)
 
 
-def _newton_step(here):
+def _newton_step(here: _Mapped) -> NDArray[Any]:
     matrix, exponent, *_ = multiplied(here.maps)
     system = matrix * 2.0**exponent - np.eye(2)
     try:
@@ -223,7 +228,8 @@ def _newton_step(here):
         return np.linalg.lstsq(system, here.x - here.image, rcond=None)[0]
 
 
-def _orbit(osc, state, here, cycles, numerics):
+def _orbit(osc: Oscillator, state: MotionState, here: _Mapped, cycles: int,
+           numerics: Numerics) -> Orbit:
     """The orbit that Newton found, over its least period."""
     cycle = here.call.cycles
     strobed = columns(cycle, ("phi", "phi_dot"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,11 +12,16 @@ from lapwing.engine import Numerics
 from lapwing.model.curve.interval import repeat_interval
 from lapwing.studies.response.run import motion_of
 
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from lapwing.deck.deck import Asked, Deck
+
 # Numbers of a response that are found again on other curves.
 NUMBERS = ("impacts_per_cycle", "deepest_separation")
 
 
-def with_repeats(found, deck, study):
+def with_repeats(found: xr.Dataset, deck: Deck, study: Asked) -> xr.Dataset:
     """A response with its motion on other curves that samples with the same noise might give.
 
     Parameters

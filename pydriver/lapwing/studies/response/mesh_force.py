@@ -13,14 +13,20 @@ together; an interval whose bound lies below a force found already is not search
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.polynomial import polynomial as power
+from numpy.typing import NDArray
 
 from lapwing.base.codes import EventKind, MotionState, Status
 from lapwing.engine import of_kind
 from lapwing.engine.records import SAMPLE
 from lapwing.model.transmission_error.extrema import stationary_points
+
+if TYPE_CHECKING:
+    from lapwing.model.oscillator import Oscillator
+    from lapwing.studies.response.recording import Recording
 
 # Terms of the series.  Intervals are so short that |λ|h <= 1/2 for both free exponents λ and
 # 2πnh <= 1/2 for each harmonic n: what is left out is below 1/(2^18·18!) = 6e-22.
@@ -32,7 +38,7 @@ BEGINS = {EventKind.ENGAGE: MotionState.ENGAGEMENT, EventKind.CHATTER_END: Motio
 ENDS = (EventKind.RELEASE, EventKind.BACK_RELEASE)
 
 
-def sample_phases(osc, samples_per_cycle: int):
+def sample_phases(osc: Oscillator, samples_per_cycle: int) -> tuple[NDArray[Any], NDArray[Any]]:
     """Phases to sample, close enough for the series, and which of them are the even ones stored.
 
     Every knot of a table is among them, so that g is one polynomial on each interval.
@@ -50,12 +56,13 @@ def sample_phases(osc, samples_per_cycle: int):
     return grid, np.searchsorted(grid, np.arange(samples_per_cycle) / samples_per_cycle)
 
 
-def flank_motion(osc, phase, side="right"):
+def flank_motion(osc: Oscillator, phase: NDArray[Any], side: str = "right") -> list[NDArray[Any]]:
     """g, g' (rad, per τ) of the drive flank; `side` tells the limit at a knot."""
     return [osc.flank_scale / osc.period**k * osc.te.derivative(k, phase, side) for k in range(2)]
 
 
-def deflection(osc, state, phi, phi_dot, g, slope):
+def deflection(osc: Oscillator, state: NDArray[Any], phi: NDArray[Any], phi_dot: NDArray[Any],
+               g: NDArray[Any], slope: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Deflection of the flank in contact and its rate, rad and rad per τ."""
     coast = state == MotionState.BACK_ENGAGEMENT
     standing = coast & (not osc.back_flank_te)
@@ -63,7 +70,7 @@ def deflection(osc, state, phi, phi_dot, g, slope):
             phi_dot + np.where(standing, slope, 0.0))
 
 
-def contact_forces(osc, recording):
+def contact_forces(osc: Oscillator, recording: Recording) -> NDArray[Any]:
     """Mean and largest magnitude of W/(k'·lever) in each cycle, (2, record), rad.
 
     Impacts are not included. NaN where a run failed, and under the rigid law, which has no spring.
@@ -83,7 +90,8 @@ def contact_forces(osc, recording):
     return result
 
 
-def _nodes(osc, phase, samples, flank, events):
+def _nodes(osc: Oscillator, phase: NDArray[Any], samples: NDArray[Any], flank: list[NDArray[Any]],
+           events: NDArray[Any]) -> NDArray[Any]:
     """Columns (t, state, d, d', θ') at samples and events in order; the state is the one after.
 
     Of an end of contact, and of a sample where contact goes on, the last two hold before it too.
@@ -108,7 +116,7 @@ def _nodes(osc, phase, samples, flank, events):
     return both[:, np.argsort(both[0], kind="stable")]
 
 
-def _mean(osc, nodes):
+def _mean(osc: Oscillator, nodes: NDArray[Any]) -> float:
     """Mean force of a cycle from the momentum of each stretch of contact."""
     contact = nodes[1, :-1] != MotionState.SEPARATION
     t, momentum = nodes[0], nodes[4]
@@ -119,7 +127,7 @@ def _mean(osc, nodes):
                  / osc.period)
 
 
-def _peak(osc, nodes):
+def _peak(osc: Oscillator, nodes: NDArray[Any]) -> float:
     """Largest magnitude of the force in a cycle."""
     width = np.diff(nodes[0])
     some = (nodes[1, :-1] != MotionState.SEPARATION) & (width > 0)
@@ -137,7 +145,7 @@ def _peak(osc, nodes):
     return best
 
 
-def _force_series(osc, nodes, width):
+def _force_series(osc: Oscillator, nodes: NDArray[Any], width: NDArray[Any]) -> NDArray[Any]:
     """f in ascending powers of (τ - node)/width, (n, TERMS - 1)."""
     t, state, depth, rate, _ = nodes
     double = 2 * osc.damping_ratio
@@ -154,7 +162,7 @@ def _force_series(osc, nodes, width):
     return force
 
 
-def _flank_series(osc, phase, width):
+def _flank_series(osc: Oscillator, phase: NDArray[Any], width: NDArray[Any]) -> NDArray[Any]:
     """g in ascending powers of (τ - node)/width, (n, TERMS)."""
     turn = width / osc.period
     degree = TERMS if len(osc.te.harmonics) else osc.te.coefficients.shape[1]

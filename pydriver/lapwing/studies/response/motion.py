@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.arrivals import arrivals_of
 from lapwing.base.codes import EventKind, MotionState
@@ -14,6 +16,12 @@ from lapwing.studies.orbit import NoOrbit, find_orbit
 from lapwing.studies.period import REPEAT_TOLERANCE
 from lapwing.studies.stability import CycleMaps, findings
 
+if TYPE_CHECKING:
+    from lapwing.engine.numerics import Numerics
+    from lapwing.model.gear_pair import GearPair
+    from lapwing.model.oscillator import Oscillator
+    from lapwing.studies.stability import Exponents
+
 # Motion state that begins with an event.
 BEGINS = {EventKind.RELEASE: MotionState.SEPARATION, EventKind.BACK_RELEASE: MotionState.SEPARATION,
           EventKind.ENGAGE: MotionState.ENGAGEMENT, EventKind.CHATTER_END: MotionState.ENGAGEMENT,
@@ -22,14 +30,15 @@ BEGINS = {EventKind.RELEASE: MotionState.SEPARATION, EventKind.BACK_RELEASE: Mot
 SHARES = ("time_separated", "time_engaged", "time_back_engaged")
 
 
-def law_attributes(osc):
+def law_attributes(osc: Oscillator) -> dict[str, Any]:
     """What a response assumes, to be stored with it."""
     names = ("force", "mesh_frequency_ratio", "contact_law", "impact_law", "gap", "te_sign",
              "gap_width", "restitution", "damping_ratio", "backlash")
     return {"back_flank_te": int(osc.back_flank_te)} | {key: getattr(osc, key) for key in names}
 
 
-def shares_of_time(events, states, period):
+def shares_of_time(events: NDArray[Any], states: NDArray[Any],
+                   period: float) -> dict[str, NDArray[Any]]:
     """Part of each mesh cycle spent in each motion state.
 
     Parameters
@@ -55,7 +64,8 @@ def shares_of_time(events, states, period):
     return dict(zip(SHARES, shares.T, strict=True))
 
 
-def fastest_arrivals(events, cycles, natural_frequency, contact_law):
+def fastest_arrivals(events: NDArray[Any], cycles: int, natural_frequency: float,
+                     contact_law: str) -> NDArray[Any]:
     """Largest approach speed of each mesh cycle's arrivals, rad/s; 0 without any."""
     fastest = np.zeros(cycles)
     arrivals = of_kind(events, arrivals_of(contact_law).kinds)
@@ -64,7 +74,8 @@ def fastest_arrivals(events, cycles, natural_frequency, contact_law):
     return fastest
 
 
-def impact_attributes(osc, pair, events, mesh_force_peak):
+def impact_attributes(osc: Oscillator, pair: GearPair, events: NDArray[Any],
+                      mesh_force_peak: float) -> dict[str, float]:
     """Mean approach speed (rad/s) and mean energy loss (J) of an arrival, and the dynamic factor.
 
     The dynamic factor is the peak mesh force over the force that the torques alone would give.
@@ -85,7 +96,8 @@ def impact_attributes(osc, pair, events, mesh_force_peak):
     return found
 
 
-def motion_attributes(osc, recording, period, max_period, numerics):
+def motion_attributes(osc: Oscillator, recording: Any, period: int, max_period: int,
+                      numerics: Numerics) -> dict[str, float]:
     """Stability of a response's motion as attributes.
 
     1. Exponents, their checks and, where there is a period, multipliers (`stability.findings`).
@@ -127,7 +139,8 @@ def motion_attributes(osc, recording, period, max_period, numerics):
     return numbers | ({"stability_warning": found.warning} if found.warning else {})
 
 
-def _confirmation(osc, state, period, scale, numerics):
+def _confirmation(osc: Oscillator, state: NDArray[Any], period: int, scale: float,
+                  numerics: Numerics) -> dict[str, float]:
     """Period of the orbit that Newton's method finds from a state, and the distance to it."""
     try:
         orbit = find_orbit(osc, (int(state[0]), *state[1:]), period, numerics=numerics)
@@ -137,7 +150,7 @@ def _confirmation(osc, state, period, scale, numerics):
             "orbit_distance": float(np.abs(orbit.state[1:] - state[1:]).max() / scale)}
 
 
-def why_aperiodic(found, max_period, apart):
+def why_aperiodic(found: Exponents, max_period: int, apart: float) -> str:
     """Why no period was found, in words.
 
     Parameters

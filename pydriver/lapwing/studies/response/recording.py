@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing import engine
 from lapwing.base.codes import Status
 from lapwing.engine import TrajectoryCall, Wanted, unknown
 from lapwing.engine.records import CYCLE_TABLE, EVENT_TABLE, MEAN_TABLE, SAMPLE_TABLE
+
+if TYPE_CHECKING:
+    from lapwing.engine.numerics import Numerics
+    from lapwing.model.oscillator import Oscillator
 
 
 @dataclass(frozen=True)
@@ -30,7 +36,8 @@ class Recording:
     tangent: np.ndarray | None = None
 
 
-def recorded(osc, start, span, grid, numerics, exponents=False):
+def recorded(osc: Oscillator, start: tuple[float, float, float, float], span: tuple[int, int],
+             grid: NDArray[Any], numerics: Numerics, exponents: bool = False) -> Recording:
     """Follow a motion over `span[0]` cycles, and record the `span[1]` next ones.
 
     The cycle before the first recorded one is watched already, for an impact counts with the

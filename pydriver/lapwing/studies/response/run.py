@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing import engine
 from lapwing.base import arguments, estimates
@@ -42,6 +43,11 @@ from lapwing.studies.response.mesh_force import (
 from lapwing.studies.response.recording import Recording, recorded
 from lapwing.studies.trajectory import checked_start, engine_start
 
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from lapwing.engine.numerics import Numerics
+
 # Averages over cycles, and largest values over cycles.
 MEANS = ("impacts_per_cycle", "back_impacts_per_cycle", "resolved_impacts_per_cycle",
          "resolved_back_impacts_per_cycle", "chatter_ends_per_cycle", "mesh_force_mean",
@@ -54,12 +60,15 @@ SAFETY = 1.25
 ROUNDING = 64 * float(np.finfo(float).eps)
 
 
-def response(osc, pair, *, name, start="rest", phase=0.0, settle=400, record=100,
-             samples_per_cycle=400, exponents=False, method="auto", rtol=1e-8,
-             max_period=MAX_PERIOD, count_depth=0.01, chatter_tol=None,
-             max_events_per_cycle=1_000_000, max_steps_per_cycle=10_000_000, order=0,
-             numerics=None, claim_impacts_per_cycle=None, claim_deepest_separation=None,
-             claim_text=None, **old):
+def response(osc: Oscillator, pair: GearPair, *, name: str, start: Any = "rest", phase: float = 0.0,
+             settle: int = 400, record: int = 100, samples_per_cycle: int = 400,
+             exponents: bool = False, method: str = "auto", rtol: float = 1e-8,
+             max_period: int = MAX_PERIOD, count_depth: float = 0.01,
+             chatter_tol: float | None = None, max_events_per_cycle: int = 1_000_000,
+             max_steps_per_cycle: int = 10_000_000, order: int = 0,
+             numerics: Numerics | None = None, claim_impacts_per_cycle: float | None = None,
+             claim_deepest_separation: float | None = None, claim_text: str | None = None,
+             **old: Any) -> xr.Dataset:
     """Settle, record, repeat by a second run, and say what is known of each number's error.
 
     1. Follow the motion over the cycles to settle, recording nothing; whole cycles are recorded,
@@ -173,7 +182,8 @@ class Motion(NamedTuple):
     deepest_separation: float
 
 
-def motion_of(osc, pair, *, start, phase, settle_cycles, record_cycles, max_period, numerics):
+def motion_of(osc: Oscillator, pair: GearPair, *, start: str, phase: float, settle_cycles: int,
+              record_cycles: int, max_period: int, numerics: Numerics) -> Motion:
     """The motion of a response alone: one run, nothing kept. Arguments as of `response`."""
     grid, _ = sample_phases(osc, 8)
     start = checked_start(osc, start, phase)
@@ -184,7 +194,7 @@ def motion_of(osc, pair, *, start, phase, settle_cycles, record_cycles, max_peri
                   outcome.number("deepest_separation"))
 
 
-def _check(phase, **whole):
+def _check(phase: float, **whole: float) -> None:
     taken = Refusals()
     for key, value in whole.items():
         taken.take(arguments.whole, key, value, int(key not in ("settle", "order")), MAX_INT // 4)
@@ -192,7 +202,8 @@ def _check(phase, **whole):
     taken.raise_if_any("response")
 
 
-def _check_others(osc, pair, name, exponents, impacts, separation, text):
+def _check_others(osc: Oscillator, pair: GearPair, name: str, exponents: bool,
+                  impacts: float | None, separation: float | None, text: str | None) -> None:
     taken = Refusals()
     taken.take(arguments.instance, "osc", osc, Oscillator)
     taken.take(arguments.instance, "pair", pair, GearPair)
@@ -212,12 +223,12 @@ class _Outcome:
     """A recording, its statistics by cycle (dict of (record,) arrays), period and class."""
 
     recording: Recording
-    by_cycle: dict
+    by_cycle: dict[str, Any]
     period: int
     motion_class: str
 
     @classmethod
-    def of(cls, osc, pair, recording, max_period):
+    def of(cls, osc: Oscillator, pair: GearPair, recording: Recording, max_period: int) -> _Outcome:
         column = recording.cycles
         by_cycle = _by_cycle(osc, pair, recording, column)
         labels = columns(column, LABELS)
@@ -229,7 +240,7 @@ class _Outcome:
             np.any(by_cycle["chatter_ends_per_cycle"] > 0))
         return cls(recording, by_cycle, period, name)
 
-    def number(self, key, half=None):
+    def number(self, key: str, half: int | None = None) -> float:
         """One number of the summary, over all recorded cycles or their first or second half.
 
         Averages are over as many whole periods as there are (the last ones); each half as well.
@@ -246,7 +257,7 @@ class _Outcome:
         return float(np.mean(values[end - window:end]))
 
 
-    def error(self, key, change):
+    def error(self, key: str, change: float) -> float:
         """What is known of a number's error: of one that repeats, or of an average (NaN: nothing).
 
         `change` is the difference from the other run.
@@ -258,12 +269,13 @@ class _Outcome:
         return SAFETY * change + abs(self.transient(key)) \
             + (0.0 if counted else ROUNDING * abs(size))
 
-    def transient(self, key):
+    def transient(self, key: str) -> float:
         """The second half of the record less the first; NaN where it has no two."""
         return self.number(key, 1) - self.number(key, 0)
 
 
-def _by_cycle(osc, pair, recording, column):
+def _by_cycle(osc: Oscillator, pair: GearPair, recording: Recording,
+              column: NDArray[Any]) -> dict[str, NDArray[Any]]:
     """Arrays (record,) of every number whose mean or maximum is summarised."""
     newton = pair.mesh_stiffness * pair.pinion_base_lever
     record = len(recording.cycles)
@@ -290,7 +302,7 @@ def _by_cycle(osc, pair, recording, column):
             **motion.shares_of_time(recording.events, column["motion_state"], osc.period)}
 
 
-def _findings(main, reference):
+def _findings(main: _Outcome, reference: _Outcome) -> dict[str, Any]:
     """The summary's numbers: each with the changes between runs and halves, and its error."""
     status = main.recording.status
     attrs = {"status": int(status), "status_meaning": status.name.lower(),
@@ -308,7 +320,8 @@ def _findings(main, reference):
                     "fully_engaged": int(visited == 1 << MotionState.ENGAGEMENT)}
 
 
-def _dataset(osc, pair, outcome, stored):
+def _dataset(osc: Oscillator, pair: GearPair, outcome: _Outcome,
+             stored: NDArray[Any]) -> xr.Dataset:
     """Samples, events and cycles in physical units."""
     import xarray as xr
 
@@ -322,7 +335,8 @@ def _dataset(osc, pair, outcome, stored):
     return worded(dataset.set_coords(("time", "event_time")))
 
 
-def _sample_columns(osc, pair, recording, stored, second):
+def _sample_columns(osc: Oscillator, pair: GearPair, recording: Recording, stored: NDArray[Any],
+                    second: float) -> dict[str, NDArray[Any]]:
     record, failed = len(recording.cycles), recording.status != Status.OK
     phase = np.tile(recording.grid[stored], record)
     cycle = np.repeat(np.arange(record), stored.size)
@@ -344,7 +358,8 @@ def _sample_columns(osc, pair, recording, stored, second):
                                    means if means is None else means[at])}
 
 
-def _event_columns(pair, recording, period, second):
+def _event_columns(pair: GearPair, recording: Recording, period: float,
+                   second: float) -> dict[str, NDArray[Any]]:
     kind, cycle, t, phi, before, after = (recording.events[name] for name in EVENT)
     energy = 0.5 * pair.torsional_stiffness * (before**2 - after**2)
     impact = np.isin(kind, (EventKind.IMPACT, EventKind.BACK_IMPACT))
@@ -354,7 +369,7 @@ def _event_columns(pair, recording, period, second):
             "impact_energy": np.where(impact, energy, np.nan)}
 
 
-def _cycle_columns(outcome):
+def _cycle_columns(outcome: _Outcome) -> dict[str, NDArray[Any]]:
     failed = outcome.recording.status != Status.OK
     columns = {}
     for key in list(CYCLE)[1:]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 from lapwing.base.codes import Status
 from lapwing.studies import cost
 from lapwing.studies.critical.study import full_engagement
@@ -9,18 +11,23 @@ from lapwing.studies.labels import labels
 from lapwing.studies.response.measured import with_repeats
 from lapwing.studies.response.run import response
 
+if TYPE_CHECKING:
+    import xarray as xr
 
-def extent(_):
+    from lapwing.deck.deck import Asked, Deck
+
+
+def extent(_: Any) -> Any:
     """How much of it there is to tell progress by, and in what unit."""
     return 1, "responses"
 
 
-def failed(dataset):
+def failed(dataset: xr.Dataset) -> str:
     """What failed numerically, in words; empty text, nothing."""
     return "response {}" * (int(dataset.attrs["status"]) != Status.OK)
 
 
-def carry_out(deck, study, order, threads, done):
+def carry_out(deck: Deck, study: Asked, order: int, threads: int, done: None) -> xr.Dataset:
     """One response of a deck, by one thread; see `registry`."""
     result = response(
         deck.oscillator(study), deck.gear_pair, name=study.name, start=study.start,
@@ -35,7 +42,8 @@ def carry_out(deck, study, order, threads, done):
     return with_repeats(result, deck, study)
 
 
-def estimate(deck, study, seconds, clock, threads):
+def estimate(deck: Deck, study: Asked, seconds: float, clock: Any,
+             threads: int) -> tuple[float, float, float]:
     """How long it takes, from a part of its cycles; see `cost.growth`."""
     return cost.growth(
         lambda settle, record: carry_out(

@@ -7,13 +7,19 @@ Each point goes on from its last state over whole periods, sampled evenly; mesh 
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.codes import Status
 from lapwing.engine.records import SAMPLE
 from lapwing.studies.response.mesh_force import contact_forces, flank_motion, sample_phases
 from lapwing.studies.response.recording import recorded
+
+if TYPE_CHECKING:
+    from lapwing.engine.numerics import Numerics
+    from lapwing.model.oscillator import Oscillator
 
 # Mesh cycles of a motion without a period, and samples in each cycle. Between samples a parabola
 # of n arcs in a cycle hides 1/(4·(SAMPLES/n)²) of its height: 2e-4 for 12 arcs.
@@ -23,7 +29,9 @@ NAMES = ("phi_rms", "phi_peak_to_peak", "dynamic_te_rms", "dynamic_te_peak_to_pe
          "mesh_force_mean", "mesh_force_peak")
 
 
-def amplitudes(oscillators, finals, periods, newtons, phase, *, numerics, threads):
+def amplitudes(oscillators: list[Oscillator], finals: NDArray[Any], periods: NDArray[Any],
+               newtons: list[float], phase: float, *, numerics: Numerics,
+               threads: int) -> dict[str, NDArray[Any]]:
     """Amplitudes of φ, of the dynamic transmission error θ = φ + g, and mesh forces.
 
     Parameters
@@ -44,7 +52,7 @@ def amplitudes(oscillators, finals, periods, newtons, phase, *, numerics, thread
     """
     found = np.full((len(oscillators), len(NAMES)), np.nan)
 
-    def one(i):
+    def one(i: int) -> None:
         if finals[i]["status"] == Status.OK:
             start = (*(finals[i][name] for name in SAMPLE), phase)
             found[i] = _of_point(oscillators[i], start, int(periods[i]) or CYCLES, newtons[i],
@@ -55,7 +63,8 @@ def amplitudes(oscillators, finals, periods, newtons, phase, *, numerics, thread
     return dict(zip(NAMES, found.T, strict=True))
 
 
-def _of_point(osc, start, cycles, newton, numerics):
+def _of_point(osc: Oscillator, start: tuple[float, float, float, float], cycles: int, newton: float,
+              numerics: Numerics) -> NDArray[Any]:
     grid, stored = sample_phases(osc, SAMPLES)
     # With a section at another phase than 0, the cycle under way is left out.
     recording = recorded(osc, start, (int(start[-1] > 0), cycles), grid, numerics)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from lapwing import engine
 from lapwing.base import arguments, estimates
@@ -21,17 +24,27 @@ from lapwing.studies.period import NO_PERIOD, class_name
 from lapwing.studies.stability import CycleMaps, findings, growth
 from lapwing.studies.sweep.varied import OF_PAIR, Varied, parameters
 
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from lapwing.engine.calls import SweepResult
+    from lapwing.engine.numerics import Numerics
+    from lapwing.model.oscillator import Oscillator
+
 STARTS = ("rest", "up", "down")
 RECORDS = ("cycles", "impacts", "exponents", "speeds", "spectra", "amplitudes")
 # Bins of impact speeds, and how far below the fastest they begin.
 SPEED_BINS, SPEED_DECADES = 160, 4
 
 
-def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=400, record=100,
-          observe=("cycles",), phase=0.0, method="auto", rtol=1e-6, chatter_tol=None,
-          count_depth=0.01, max_impacts=2000, max_events_per_cycle=1_000_000,
-          max_steps_per_cycle=10_000_000, numerics=None, threads=None, progress=None,
-          keep_interrupted=False, **operation):
+def sweep(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torque",
+          values: ArrayLike, starts: Sequence[str] = STARTS, settle: int = 400,
+          record: int = 100, observe: Sequence[str] = ("cycles",), phase: float = 0.0,
+          method: str = "auto", rtol: float = 1e-6, chatter_tol: float | None = None,
+          count_depth: float = 0.01, max_impacts: int = 2000, max_events_per_cycle: int = 1_000_000,
+          max_steps_per_cycle: int = 10_000_000, numerics: Numerics | None = None,
+          threads: int | None = None, progress: Callable[[float], None] | None = None,
+          keep_interrupted: bool = False, **operation: Any) -> xr.Dataset:
     """Run a range of values of one parameter.
 
     Parameters
@@ -112,16 +125,18 @@ def sweep(pair, te, *, parameter="brake_torque", values, starts=STARTS, settle=4
     return worded(data)
 
 
-def _check(pair, te, parameter, values, starts, settle, record, observe, max_impacts, phase,
-           progress, keep_interrupted):
+def _check(pair: GearPair, te: TransmissionError, parameter: str, values: ArrayLike,
+           starts: Sequence[str], settle: int, record: int, observe: Sequence[str],
+           max_impacts: int, phase: float, progress: Callable[[float], None] | None,
+           keep_interrupted: bool) -> tuple[NDArray[Any], tuple[str, ...], tuple[str, ...]]:
     """Sorted values, starts and records, or every problem at once."""
     taken = Refusals()
     taken.take(arguments.instance, "pair", pair, GearPair)
     taken.take(arguments.instance, "te", te, TransmissionError)
     taken.take(arguments.choice, "parameter", parameter, parameters())
-    values = taken.take(arguments.reals, "values", values)
-    starts = taken.take(arguments.choices, "starts", starts, STARTS, least=1)
-    observe = taken.take(arguments.choices, "observe", observe, RECORDS)
+    numbers = taken.take(arguments.reals, "values", values)
+    begun = taken.take(arguments.choices, "starts", starts, STARTS, least=1)
+    observed = taken.take(arguments.choices, "observe", observe, RECORDS)
     for key, given, least in (("settle", settle, 0), ("record", record, 1),
                               ("max_impacts", max_impacts, 1)):
         taken.take(arguments.whole, key, given, least)
@@ -129,14 +144,14 @@ def _check(pair, te, parameter, values, starts, settle, record, observe, max_imp
     taken.take(arguments.flag, "keep_interrupted", keep_interrupted)
     if progress is not None:
         taken.take(arguments.function, "progress", progress)
-    for record in ("exponents", "amplitudes"):
-        if observe and record in observe and "cycles" not in observe:
-            taken.problems.append(f"observe: {record!r} wants 'cycles' beside it")
+    for table in ("exponents", "amplitudes"):
+        if observed and table in observed and "cycles" not in observed:
+            taken.problems.append(f"observe: {table!r} wants 'cycles' beside it")
     taken.raise_if_any("sweep")
-    return np.unique(values), starts, observe
+    return np.unique(numbers), begun, observed
 
 
-def _of_pair(pair, parameter):
+def _of_pair(pair: GearPair, parameter: str) -> dict[str, float]:
     """Numbers of the pair that turn results into speeds, where all values share them."""
     ours = {field.name for field in fields(GearPair)} - {"backlash", "restitution",
                                                          "damping_ratio", "mesh_damping"}
@@ -144,7 +159,7 @@ def _of_pair(pair, parameter):
         "natural_frequency", "pinion_base_lever")}
 
 
-def _lines(starts, n):
+def _lines(starts: tuple[str, ...], n: int) -> list[tuple[int, int, bool]]:
     """Lines of the engine, the long ones first so that they are not waited for."""
     carried, single = [], []
     for block, start in enumerate(starts):
@@ -158,14 +173,17 @@ def _lines(starts, n):
     return carried + single
 
 
-def _dataset(result, oscillators, parameter, values, starts, wanted, phase, attrs):
+def _dataset(result: SweepResult, oscillators: Varied, parameter: str,
+             values: NDArray[Any], starts: tuple[str, ...], wanted: Wanted, phase: float,
+             attrs: dict[str, Any]) -> xr.Dataset:
     import xarray as xr
 
     shape = (len(starts), len(values))
     by_point = ("start", parameter)
     outcome = result.outcome.reshape(shape)
-    coords = {"start": list(starts), parameter: values}
-    data = {"status": (by_point, outcome["status"].astype(np.int8)),
+    coords: dict[str, Any] = {"start": list(starts), parameter: values}
+    data: dict[str, Any] = {
+            "status": (by_point, outcome["status"].astype(np.int8)),
             "force": (parameter, oscillators.points.force)}
     tables = result.cycles.reshape(*shape, *result.cycles.shape[1:])
     for name in list(CYCLE)[1:] if wanted.cycles else STROBED:
@@ -186,19 +204,21 @@ def _dataset(result, oscillators, parameter, values, starts, wanted, phase, attr
                              | {f"work_{name}": count for name, count in work.items()}))
 
 
-def _classes(outcome):
+def _classes(outcome: Any) -> NDArray[Any]:
     """Class of each point, `period.motion_class`, as array of text."""
     rows = np.stack([outcome[name] for name in ("status", *CLASS)], axis=-1)
     rows = np.nan_to_num(rows.reshape(-1, 1 + len(CLASS)))
     rows[rows[:, 1] == NO_PERIOD, 2:4] = 0
     kinds, which = np.unique(rows, axis=0, return_inverse=True)
-    names = {Status.OK: None, Status.UNFINISHED: "unfinished"}
+    names: dict[int, str | None] = {Status.OK: None, Status.UNFINISHED: "unfinished"}
     return np.array([
         names.get(status, "failed") or class_name(int(period), int(drive), int(coast), chatter)
         for status, period, drive, coast, chatter in kinds])[which].reshape(outcome.shape)
 
 
-def _stability(result, tables, periods, oscillators, by_point):
+def _stability(result: SweepResult, tables: NDArray[Any], periods: NDArray[Any],
+               oscillators: Varied,
+               by_point: tuple[str, str]) -> dict[str, Any]:
     """Exponents, multipliers and their checks, `stability.findings`; NaN where a run failed."""
     rows = result.tangent.reshape(*periods.shape, *result.tangent.shape[1:])
     depth = tables["deepest_separation"].max(axis=-1)
@@ -219,7 +239,8 @@ def _stability(result, tables, periods, oscillators, by_point):
         "multiplier_real": (dims, values.real), "multiplier_imag": (dims, values.imag)}
 
 
-def _with_spectra(data, result, oscillators, numerics, threads):
+def _with_spectra(data: xr.Dataset, result: SweepResult, oscillators: list[Oscillator],
+                  numerics: Numerics, threads: int) -> xr.Dataset:
     """Order spectra beside the rest, `waterfall.spectra`."""
     from lapwing.studies.sweep.waterfall import spectra
 
@@ -234,14 +255,16 @@ def _with_spectra(data, result, oscillators, numerics, threads):
         mesh_frequency_ratio=(by_point[1], ratio))
 
 
-def _newtons(pair, parameter, value):
+def _newtons(pair: GearPair, parameter: str, value: float) -> float:
     """Force per unit of deflection, k'·lever (N), at one value of the parameter."""
     if parameter in OF_PAIR:
-        pair = replace(pair, **{parameter: value})
+        changed: dict[str, Any] = {parameter: value}
+        pair = replace(pair, **changed)
     return pair.mesh_stiffness * pair.pinion_base_lever
 
 
-def _with_amplitudes(data, result, oscillators, newtons, numerics, threads):
+def _with_amplitudes(data: xr.Dataset, result: SweepResult, oscillators: list[Oscillator],
+                     newtons: list[float], numerics: Numerics, threads: int) -> xr.Dataset:
     """Amplitudes and forces beside the rest, `amplitudes.amplitudes`."""
     from lapwing.studies.sweep.amplitudes import amplitudes
 
@@ -255,20 +278,21 @@ def _with_amplitudes(data, result, oscillators, newtons, numerics, threads):
                         for name, column in found.items()})
 
 
-def _speed_edges(oscillators):
+def _speed_edges(oscillators: Varied) -> NDArray[Any]:
     """Edges of the bins, rad per τ: up to a speed that hardly any impact exceeds.
 
     That is the speed of a fall through the gap and twice the flank's fastest, both ways.
     """
     phase = np.arange(1000) / 1000
-    steepest = np.abs(oscillators[0].te.derivative(1, phase)).max()
+    steepest: float = np.abs(oscillators[0].te.derivative(1, phase)).max()
     fastest = max(
         np.sqrt(2 * abs(osc.force) * min(osc.gap_width, 2 * osc.backlash))
         + 4 * abs(osc.flank_scale) * steepest / osc.period for osc in oscillators) or 1.0
     return fastest * np.logspace(-SPEED_DECADES, 0, SPEED_BINS + 1)
 
 
-def _speeds(result, shape, by_point, record):
+def _speeds(result: SweepResult, shape: tuple[int, int], by_point: tuple[str, str],
+            record: int) -> dict[str, Any]:
     """Impacts per mesh cycle in each bin, the last one with what is faster; and what is slower."""
     counts = result.density.reshape(*shape, -1) / record
     counts[result.outcome["status"].reshape(shape) != Status.OK] = np.nan
@@ -278,7 +302,8 @@ def _speeds(result, shape, by_point, record):
             "slow_impacts": (by_point, counts[..., 0])}
 
 
-def _impacts(result, oscillators, shape, by_point):
+def _impacts(result: SweepResult, oscillators: Varied, shape: tuple[int, int],
+             by_point: tuple[str, str]) -> dict[str, Any]:
     """Impact section: mesh phase, velocity relative to the flank, flank; and how many were met.
 
     One list for all points, a contiguous ragged array: those of a point stand together, the points

@@ -2,26 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
 from lapwing.base.codes import Status
 from lapwing.studies import cost
 from lapwing.studies.critical.study import full_engagement
 from lapwing.studies.labels import labels
 from lapwing.studies.sweep.run import sweep
 
+if TYPE_CHECKING:
+    import xarray as xr
 
-def extent(study):
+    from lapwing.deck.deck import Asked, Deck
+
+
+def extent(study: Asked) -> tuple[int, str]:
     """How much of it there is to tell progress by, and in what unit."""
     return len(study.values) * len(study.starts), "points"
 
 
-def failed(dataset):
+def failed(dataset: xr.Dataset) -> str:
     """What failed numerically, in words; empty text, nothing."""
     status = dataset["status"]
     points = int(((status != Status.OK) & (status != Status.UNFINISHED)).sum())
     return f"sweep {{}} ({points} points)" * bool(points)
 
 
-def carry_out(deck, study, order, threads, done):
+def carry_out(deck: Deck, study: Asked, order: int, threads: int,
+              done: Callable[..., Any] | None) -> xr.Dataset:
     """One sweep of a deck; Ctrl-C keeps what is finished. See `registry`."""
     observe = ("cycles", *["impacts"] * study.impacts, *["exponents"] * study.exponents,
                *["speeds"] * study.speed_density, *["spectra"] * study.order_spectra,
@@ -34,7 +43,8 @@ def carry_out(deck, study, order, threads, done):
     return result.assign_attrs(labels(deck, study) | full_engagement(deck, study))
 
 
-def estimate(deck, study, seconds, clock, threads):
+def estimate(deck: Deck, study: Asked, seconds: float, clock: Any,
+             threads: int) -> tuple[float, float, float]:
     """How long it takes, from some values from rest; see `cost.rates`.
 
     What is carried from value to value is one motion, as long as all of them.

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from lapwing.base.arguments import LEAST, MOST
 from lapwing.engine import Points
 from lapwing.model.gear_pair import GearPair, force_at, frequency_at
 from lapwing.model.oscillator import Oscillator
+
+if TYPE_CHECKING:
+    from lapwing.model.transmission_error.table import TransmissionError
 
 TORQUES = ("brake_torque", "drive_torque")
 SPEEDS = ("pinion_speed_rpm", "pinion_speed_rad_s", "mesh_frequency_hz")
@@ -23,14 +27,16 @@ def parameters() -> tuple[str, ...]:
     return (*OF_PAIR, *TORQUES, *SPEEDS)
 
 
-def oscillator_at(pair, te, parameter, value, operation) -> Oscillator:
+def oscillator_at(pair: GearPair, te: TransmissionError, parameter: str, value: float,
+                  operation: Mapping[str, Any]) -> Oscillator:
     """Oscillator of one value of the parameter; `operation` holds the other arguments."""
     if parameter in OF_PAIR:
-        return replace(pair, **{parameter: float(value)}).oscillator(te, **operation)
+        changed: dict[str, Any] = {parameter: float(value)}
+        return replace(pair, **changed).oscillator(te, **operation)
     return pair.oscillator(te, **{**operation, parameter: float(value)})
 
 
-class Varied(Sequence):
+class Varied(Sequence[Oscillator]):
     """Oscillators of some values of a parameter; torques and speeds move one number of it alone.
 
     Attributes
@@ -43,9 +49,11 @@ class Varied(Sequence):
         (a ValueError) of the first oscillator that is refused.
     """
 
-    def __init__(self, pair, te, parameter, values, operation):
-        self._made = {}
-        self._make = lambda i: oscillator_at(pair, te, parameter, values[i], operation)
+    def __init__(self, pair: GearPair, te: TransmissionError, parameter: str, values: Any,
+                 operation: Mapping[str, Any]) -> None:
+        self._made: dict[int, Oscillator] = {}
+        self._make: Callable[[int], Oscillator] = lambda i: oscillator_at(
+            pair, te, parameter, values[i], operation)
         self._count = len(values)
         first = self[0]
         if first.degrees_of_freedom == 1 and parameter not in OF_PAIR:
@@ -59,7 +67,7 @@ class Varied(Sequence):
     def __len__(self) -> int:
         return self._count
 
-    def __getitem__(self, i):
+    def __getitem__(self, i: Any) -> Any:
         if isinstance(i, slice):
             return [self[k] for k in range(*i.indices(len(self)))]
         i = range(self._count)[i]
@@ -68,7 +76,8 @@ class Varied(Sequence):
         return self._made[i]
 
 
-def _moved(pair, parameter, values, operation):
+def _moved(pair: GearPair, parameter: str, values: Any,
+           operation: Mapping[str, Any]) -> tuple[str, Any, Any]:
     """Number of an oscillator that a torque or a speed moves, its values, and which are allowed."""
     if parameter in SPEEDS:
         frequency = frequency_at(pair, **{parameter: values})

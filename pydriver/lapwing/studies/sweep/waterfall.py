@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.codes import Status
 from lapwing.engine import TrajectoryCall, Wanted, position
 from lapwing.engine.records import SAMPLE
 from lapwing.model.harmonic_series import order_spectrum
+
+if TYPE_CHECKING:
+    from lapwing.engine.numerics import Numerics
+    from lapwing.model.oscillator import Oscillator
 
 # Mesh cycles of a spectrum, whose lines are 1/48 of an order apart (those of periods 2, 3, 4, 6,
 # 8, … are among them), and samples in each: the displacement's lines fall with the square of the
@@ -21,7 +27,8 @@ CYCLES, SAMPLES = 48, 128
 LEAST_ORDER, MOST_ORDER = 8, 24
 
 
-def spectra(oscillators, finals, phase, *, numerics, threads):
+def spectra(oscillators: list[Oscillator], finals: NDArray[Any], phase: float, *,
+            numerics: Numerics, threads: int) -> tuple[NDArray[Any], NDArray[Any]]:
     """Order spectra of the displacement φ.
 
     Parameters
@@ -42,7 +49,7 @@ def spectra(oscillators, finals, phase, *, numerics, threads):
     total = phase + np.arange(CYCLES * SAMPLES) / SAMPLES
     cycle = np.floor(total)
 
-    def one(i):
+    def one(i: int) -> None:
         osc, final = oscillators[i], finals[i]
         if final["status"] != Status.OK:
             return
