@@ -265,6 +265,35 @@ def test_imports_go_downwards(path):
         assert rank(target) < rank(name) or same_room, f"{name} imports {target}"
 
 
+def public(tree):
+    """(name, node) of the classes and functions of a module without an underscore, and methods."""
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+            yield node.name, node
+            if isinstance(node, ast.ClassDef):
+                yield from ((f"{node.name}.{name}", one) for name, one in public(node))
+
+
+def lacks_annotation(function):
+    """Names of its arguments without an annotation, 'return' for what it gives."""
+    args = function.args
+    plain = [*args.posonlyargs, *args.args, *args.kwonlyargs,
+             *(one for one in (args.vararg, args.kwarg) if one)]
+    lacking = [one.arg for place, one in enumerate(plain) if one.annotation is None
+               and not (place == 0 and one.arg in ("self", "cls"))]
+    return lacking + ["return"] * (function.returns is None)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=own_name)
+def test_public_names_say_what_they_take_give_and_are(path):
+    """Annotations throughout, private functions included, and a docstring for each public name."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    bare = {node.name: lacking for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)
+            if (lacking := lacks_annotation(node))}
+    assert not bare
+    assert not [name for name, node in public(tree) if not ast.get_docstring(node)]
+
+
 def test_the_engine_has_one_importer():
     importers = {own_name(path) for path in MODULES
                  for module, _ in imports(path) if module.startswith("lapwing._engine")}
@@ -332,6 +361,9 @@ def test_modules_do_not_form_a_ring():
 
 def test_the_checks_see_what_they_should(tmp_path):
     """The readers above find what they look for in a file that breaks every rule."""
+    bare = ast.parse("class A:\n  def f(self, x: int, *y): ...\n  def _g(self): ...\n")
+    (_, _), (name, method) = public(bare)
+    assert (name, lacks_annotation(method)) == ("A.f", ["y", "return"])
     bad = Path(tmp_path) / "bad.f90"
     bad.write_text("module lapwing_bad\n  use lapwing_run\n  use, intrinsic :: iso_c_binding, &\n"
                    "    only: c_int\n  integer :: counter = 0\ncontains\n  subroutine s(a)\n"

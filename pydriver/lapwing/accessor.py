@@ -29,7 +29,7 @@ class LapwingAccessor:
     dataset : xarray.Dataset, of `lapwing.response`, `sweep`, `simulate`, `critical_*` or a file
     """
 
-    def __init__(self, dataset: xr.Dataset):
+    def __init__(self, dataset: xr.Dataset) -> None:
         self._dataset = dataset
 
     def speed(self, name: str | None = None, unit: str = "rad/s",

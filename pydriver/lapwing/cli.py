@@ -83,7 +83,7 @@ def run(decks: Decks,
         force: Annotated[bool, typer.Option(
             "--force", help="replace results of other values")] = False,
         figures: Annotated[Figures, typer.Option(
-            help="formats of the figures; all: PNG and PDF")] = Figures.PNG):
+            help="formats of the figures; all: PNG and PDF")] = Figures.PNG) -> None:
     """Run decks: DIR/<deck>/ gets result.nc, figures, summary.md and used.nml.
 
     \b
@@ -104,7 +104,7 @@ def critical(decks: Decks,
              threads: Annotated[int, typer.Option(
                  min=0, help="threads; 0: OMP_NUM_THREADS, SLURM_CPUS_PER_TASK or all processors")
              ] = 0,
-             setting: Settings = []):  # noqa: B006
+             setting: Settings = []) -> None:  # noqa: B006
     """Find the critical values of decks (&critical) alone and print them; nothing is written.
 
     \b
@@ -122,7 +122,8 @@ def check(decks: Decks, setting: Settings = [],  # noqa: B006
           threads: Annotated[int, typer.Option(
               min=0, help="threads that the time is estimated for; 0: as run takes them")] = 0,
           timing: Annotated[bool, typer.Option(
-              "--time/--no-time", help="estimate the time, computing for a second or two")] = True):
+              "--time/--no-time",
+              help="estimate the time, computing for a second or two")] = True) -> None:
     """Check decks without running them: every problem, with file, line and column.
 
     \b
