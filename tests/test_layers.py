@@ -13,8 +13,8 @@ from helpers import ROOT
 FORTRAN = ROOT / "fortran"
 SOURCES = sorted(FORTRAN.rglob("*.f90"))
 # The way of the data, and what may be imported: a room uses those before it, and itself.
-ROOMS = ["base", "polynomial", "flank", "system", "flow", "flow/rk4", "flow/exact", "hybrid",
-         "observers", "run", "api"]
+ROOMS = ["base", "polynomial", "flank", "contact", "system", "flow", "flow/rk4", "flow/exact",
+         "hybrid", "observers", "run", "api"]
 MOST_FILES, MOST_LINES = 12, 400
 
 

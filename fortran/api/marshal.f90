@@ -25,7 +25,8 @@ module lapwing_api_marshal
   use lapwing_run_sweep, only: sweep_t, line_t, sweep_lines, prepare_sweep, stage_done, &
       outcome_columns
   use lapwing_observers_tangent, only: tangent_columns
-  use lapwing_flank_table, only: te_table_t, make_table, expand_at, locate_piece
+  use lapwing_flank, only: locate_piece
+  use lapwing_flank_table, only: te_table_t, make_table, expand_at
   implicit none
   private
   public :: all_sizes, all_codes, evaluate, period_of_rows, go_on_with_trajectory

@@ -1,8 +1,12 @@
-!> A short harmonic series of time: value, slope and Taylor coefficients anywhere.
+!> A flank's motion as a short harmonic series of time, and such series themselves: value, slope and
+!> Taylor coefficients anywhere.
 module lapwing_flank_series
+  use lapwing_flank, only: flank_t, set_knots
   use lapwing_kinds, only: wp
+  use lapwing_polynomial_evaluation, only: max_degree, bernstein_about
   implicit none
   private
+  public :: series_flank_t, make_series_flank
   public :: harmonic_series_t, harmonic_series, steady_response, series_at, expand_series
   public :: derivative_series, bound_derivative, top_order, fastest_rate
   public :: turned_t, turn_series, turned_value, turned_taylor, turned_tail, max_terms
@@ -19,12 +23,69 @@ module lapwing_flank_series
     real(wp), allocatable :: weight(:, :)   !! (0:top_order, terms) signed rate**k/k!
   end type harmonic_series_t
 
+  !> g as one smooth piece.
+  type, extends(flank_t) :: series_flank_t
+    type(harmonic_series_t) :: series              !! g
+  contains
+    procedure :: taylor, motion, range, lower_bound
+  end type series_flank_t
+
   !> Cosine and sine of each term at one time, for all series of the same rates.
   type :: turned_t
     real(wp) :: c(max_terms), s(max_terms)
   end type turned_t
 
 contains
+
+  !> A flank that moves as a series.
+  pure subroutine make_series_flank(series, period, self, error)
+    type(harmonic_series_t), intent(in) :: series   !! g
+    real(wp), intent(in) :: period                  !! mesh period in tau
+    type(series_flank_t), intent(out) :: self       !! the flank
+    integer, intent(out) :: error                   !! 0, or there is no memory for it
+    call set_knots(self, [0.0_wp, 1.0_wp], [.false.], period, error)
+    self%series = series
+    self%push = 2*bound_derivative(series, 2)
+  end subroutine make_series_flank
+
+  !> The first six Taylor coefficients about t.
+  pure subroutine taylor(self, piece, t, local)
+    class(series_flank_t), intent(in) :: self
+    integer, intent(in) :: piece                    !! without effect
+    real(wp), intent(in) :: t                       !! time
+    real(wp), intent(out) :: local(0:max_degree)    !! coefficients
+    call expand_series(self%series, t, max_degree, local)
+  end subroutine taylor
+
+  !> g and g' at t.
+  pure subroutine motion(self, t, guess, g, slope)
+    class(series_flank_t), intent(in) :: self
+    real(wp), intent(in) :: t                       !! time
+    integer, intent(in) :: guess                    !! without effect
+    real(wp), intent(out) :: g, slope               !! position and velocity
+    call series_at(self%series, t, g, slope)
+  end subroutine motion
+
+  !> Bounds of g: its Taylor polynomial's about the middle, and what that leaves out.
+  pure subroutine range(self, piece, from, width, low, high)
+    class(series_flank_t), intent(in) :: self
+    integer, intent(in) :: piece                    !! without effect
+    real(wp), intent(in) :: from, width             !! interval
+    real(wp), intent(out) :: low, high              !! bounds
+    real(wp) :: c(0:max_degree), half, rest
+    half = 0.5_wp*width
+    call expand_series(self%series, from + half, max_degree, c)
+    c = bernstein_about(c, half)
+    rest = bound_derivative(self%series, max_degree + 1)*half**(max_degree + 1)
+    low = minval(c) - rest
+    high = maxval(c) + rest
+  end subroutine range
+
+  !> Lower bound of g from the sizes of the terms.
+  pure real(wp) function lower_bound(self)
+    class(series_flank_t), intent(in) :: self
+    lower_bound = self%series%constant - bound_derivative(self%series, 0)
+  end function lower_bound
 
   !> Series from terms amplitude*cos(order*Omega*t + shift).
   pure function harmonic_series(terms, scale, mesh_frequency_ratio) result(self)

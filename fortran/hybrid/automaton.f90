@@ -7,7 +7,7 @@ module lapwing_hybrid_automaton
   use lapwing_flow, only: flow_t, reached_t, work_t, step_memory_t, at_stop
   use lapwing_flow_rk4_step, only: rk4_move
   use lapwing_hybrid_chatter, only: remaining_chatter, listed_down_to
-  use lapwing_hybrid_impact, only: strike, strike_resting, begin_contact, let_go, &
+  use lapwing_hybrid_impact, only: arrive, pass_kink_in_contact, begin_contact, release, &
       pressing_sign, log_event
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_polynomial_evaluation, only: max_degree
@@ -28,8 +28,9 @@ contains
     type(segment_t), intent(inout) :: segment       !! what happened
     type(work_t), intent(inout) :: work             !! counts
     integer, intent(out) :: status                  !! status_*
-    logical :: clear, resolved
+    logical :: clear, rigid, resolved
     status = status_ok
+    rigid = .false.
     resolved = .false.
     segment%begin = state%instant
     segment%length = 0
@@ -42,12 +43,13 @@ contains
       if (state%instant%motion_state == separation) then
         call meet_flanks(system, numerics, state, segment, resolved)
       else
+        rigid = system%law%is_rigid()
         call keep_contact(system, state, segment, resolved)
       end if
       segment%begin%touching = state%instant%touching
     end if
     if (.not. resolved) then
-      if (system%rigid .and. state%instant%motion_state /= separation) then
+      if (rigid) then
         call follow(system, flow, state, segment)
       else
         call move_on(system, flow, numerics, .not. clear, state, segment, work, status)
@@ -56,7 +58,7 @@ contains
     if (status == status_ok) call check_bounds(system, numerics, state, segment%n_events, status)
   end subroutine advance
 
-  !> In separation at the beginning of an arc: strike a flank that is met already, sum a
+  !> In separation at the beginning of an arc: arrive at a flank that is met already, sum a
   !> chatter that has become short, or know which flank is being left.
   subroutine meet_flanks(system, numerics, state, segment, resolved)
     class(system_t), intent(in) :: system           !! what moves
@@ -70,7 +72,7 @@ contains
     do flank = 1, system%n_flanks
       call system%contact(segment%frame, flank, 0.0_wp, state%instant%y, distance, approach)
       if (flank == state%instant%touching) then
-        if (system%sums_chatter(flank) .and. .not. system%compliant) then
+        if (system%law%sums_chatter(system%moves(flank))) then
           call sum_chatter(system, numerics, state, segment, flank, -approach, resolved)
         end if
         if (resolved) return
@@ -78,7 +80,7 @@ contains
         if (approach > 0 .or. (.not. approach < 0 &
             .and. pressing_sign(system, segment%frame, flank, 0.0_wp, state%instant%y) > 0)) then
           call system%commit(segment%frame, 0.0_wp, segment%begin%y, flank, state%instant%y)
-          call strike(system, state, segment, flank, &
+          call arrive(system, state, segment, flank, &
               system%flank_velocity(segment%frame, flank, 0.0_wp))
           resolved = .true.
           return
@@ -88,7 +90,7 @@ contains
     end do
   end subroutine meet_flanks
 
-  !> In contact at the beginning of an arc: let go a tooth that stands at zero and leaves.
+  !> In contact at the beginning of an arc: release a tooth that stands at zero and leaves.
   subroutine keep_contact(system, state, segment, resolved)
     class(system_t), intent(in) :: system           !! what moves
     type(hybrid_state_t), intent(inout) :: state    !! state
@@ -103,7 +105,7 @@ contains
     if (distance < 0) return
     if (approach < 0 .or. (.not. approach > 0 &
         .and. pressing_sign(system, segment%frame, flank, 0.0_wp, state%instant%y) < 0)) then
-      call let_go(system, state, segment, flank, approach)
+      call release(system, state, segment, flank, approach)
       resolved = .true.
     else
       state%instant%touching = flank
@@ -121,7 +123,7 @@ contains
     logical, intent(out) :: resolved                !! whether the chatter ended
     real(wp) :: pressing(0:max_degree), duration, z_end(max_states)
     call system%pressing(segment%frame, flank, 0.0_wp, state%instant%y, pressing)
-    call remaining_chatter(pressing, speed, system%restitution, system%period, &
+    call remaining_chatter(pressing, speed, system%law%restitution, system%period, &
         numerics%chatter_tolerance, segment%frame%piece_end, resolved, duration)
     if (.not. resolved) return
     ! Whatever else the system has moves on as in contact; the tooth itself ends on the flank.
@@ -162,7 +164,7 @@ contains
     if (found) then
       segment%length = frame%piece_begin + s
       call move_time(state, segment)
-      call let_go(system, state, segment, flank, 0.0_wp)
+      call release(system, state, segment, flank, 0.0_wp)
     else
       segment%length = frame%stop
       call pass_stop(system, state, segment)
@@ -196,7 +198,7 @@ contains
     call move_time(state, segment)
     if (reached%flank == no_flank) return
     if (state%instant%motion_state == separation) then
-      call strike(system, state, segment, reached%flank, reached%flank_velocity)
+      call arrive(system, state, segment, reached%flank, reached%flank_velocity)
     else
       call leave_or_stay(system, state, segment, reached%flank, &
           approach_velocity(reached%flank, state%instant%y))
@@ -211,9 +213,9 @@ contains
     integer, intent(in) :: flank                    !! flank in contact
     real(wp), intent(in) :: approach                !! approach velocity
     if (approach < 0) then
-      call let_go(system, state, segment, flank, approach)
+      call release(system, state, segment, flank, approach)
     else
-      call system%launch(flank, approach, state%instant%y)
+      call system%place_at_flank(flank, approach, state%instant%y)
       state%instant%touching = flank
     end if
   end subroutine leave_or_stay
@@ -227,7 +229,7 @@ contains
   end subroutine move_time
 
   !> The arc ends at a stop: go past the knot; a kink changes the velocity relative to a
-  !> moving flank, and in rigid contact it strikes the tooth or throws it off.
+  !> moving flank; in rigid contact it is an impact or a release.
   subroutine pass_stop(system, state, segment)
     class(system_t), intent(in) :: system           !! what moves
     type(hybrid_state_t), intent(inout) :: state    !! state
@@ -247,17 +249,25 @@ contains
       state%memory = step_memory_t()
     end if
     if (.not. is_kink) then
-      if (system%rigid .and. state%instant%motion_state /= separation) then
-        call system%launch(state%instant%motion_state, 0.0_wp, state%instant%y)
+      if (in_rigid_contact(system, state)) then
+        call system%place_at_flank(state%instant%motion_state, 0.0_wp, state%instant%y)
       end if
       return
     end if
     call system%observe(state%instant, phi, phi_dot)
     call log_event(system, state, segment, event_kink, drive_flank, phi_dot - jump, phi_dot)
-    if (system%rigid .and. state%instant%motion_state /= separation) then
-      call strike_resting(system, state, segment)
+    if (in_rigid_contact(system, state)) then
+      call pass_kink_in_contact(system, state, segment)
     end if
   end subroutine pass_stop
+
+  !> Whether the tooth follows a flank that does not yield.
+  pure logical function in_rigid_contact(system, state) result(rigid)
+    class(system_t), intent(in) :: system           !! what moves
+    type(hybrid_state_t), intent(in) :: state       !! state
+    rigid = state%instant%motion_state /= separation
+    if (rigid) rigid = system%law%is_rigid()
+  end function in_rigid_contact
 
   !> Named ends of everything that physics could make endless.
   subroutine check_bounds(system, numerics, state, n_events, status)

@@ -1,4 +1,4 @@
-!> What happens at a flank: strike, rebound, rest, let go. Each leaves the flank marked as touched:
+!> What happens at a flank: arrival, impact, rest, release. Each leaves the flank marked as touched:
 !> what the tooth does there next is decided and is not asked again.
 module lapwing_hybrid_impact
   use lapwing_kinds, only: wp
@@ -11,7 +11,7 @@ module lapwing_hybrid_impact
   use lapwing_system, only: system_t, frame_t, approach_velocity, max_states
   implicit none
   private
-  public :: strike, strike_resting, begin_contact, let_go, pressing_sign, log_event
+  public :: arrive, pass_kink_in_contact, begin_contact, release, pressing_sign, log_event
 
   !> A rebound slower than this part of a period times the strongest pressing acceleration might be
   !> below the resolution of time; of those, twice as many as can be.
@@ -20,32 +20,36 @@ module lapwing_hybrid_impact
 contains
 
   !> A tooth in separation has arrived at a flank: the state is there, its approach undecided.
-  subroutine strike(system, state, segment, flank, flank_velocity)
+  subroutine arrive(system, state, segment, flank, flank_velocity)
     class(system_t), intent(in) :: system           !! what moves
     type(hybrid_state_t), intent(inout) :: state    !! state
     type(segment_t), intent(inout) :: segment       !! what happened
-    integer, intent(in) :: flank                    !! flank struck
+    integer, intent(in) :: flank                    !! flank met
     real(wp), intent(in) :: flank_velocity          !! its own, where the law asks for it
     real(wp) :: before, after
+    logical :: impact
     state%instant%chart = flank
     state%instant%touching = flank
     before = approach_velocity(flank, state%instant%y)
     if (before < 0) then
       ! Grazed to the last bits: it is leaving already.
-      call system%launch(flank, before, state%instant%y)
-    else if (system%compliant) then
-      call begin_contact(system, state, segment, event_engage, flank, before)
-    else
-      after = system%rebound(flank, flank_velocity, before)
-      call system%launch(flank, after, state%instant%y)
-      call log_event(system, state, segment, event_impact, flank, before, after)
-      if (abs(after) <= slow_part*system%period*system%strongest) then
-        call rest_or_leave(system, state, segment, flank, after)
-      else if (after > 0) then
-        call begin_contact(system, state, segment, event_engage, flank, after)
-      end if
+      call system%place_at_flank(flank, before, state%instant%y)
+      return
     end if
-  end subroutine strike
+    call system%law%reset(merge(flank_velocity, -flank_velocity, flank == drive_flank), before, &
+        after, impact)
+    if (.not. impact) then
+      call begin_contact(system, state, segment, event_engage, flank, after)
+      return
+    end if
+    call system%place_at_flank(flank, after, state%instant%y)
+    call log_event(system, state, segment, event_impact, flank, before, after)
+    if (abs(after) <= slow_part*system%period*system%strongest) then
+      call rest_or_leave(system, state, segment, flank, after)
+    else if (after > 0) then
+      call begin_contact(system, state, segment, event_engage, flank, after)
+    end if
+  end subroutine arrive
 
   !> After an impact that leaves hardly any speed: the tooth goes on into the flank, or rests on it
   !> if pressed, or leaves.
@@ -53,7 +57,7 @@ contains
     class(system_t), intent(in) :: system           !! what moves
     type(hybrid_state_t), intent(inout) :: state    !! state
     type(segment_t), intent(inout) :: segment       !! what happened
-    integer, intent(in) :: flank                    !! flank struck
+    integer, intent(in) :: flank                    !! flank met
     real(wp), intent(in) :: after                   !! approach velocity after the impact
     type(frame_t) :: frame
     real(wp) :: pressing(0:max_degree)
@@ -70,30 +74,33 @@ contains
     end if
   end subroutine rest_or_leave
 
-  !> A kink under a tooth in rigid contact: a flank that turns towards it strikes it, one that
-  !> turns away lets it go. The state is just past the kink.
-  subroutine strike_resting(system, state, segment)
+  !> A kink under a tooth in rigid contact: an impact where the flank turns towards it, release
+  !> where it turns away. The state is just past the kink.
+  subroutine pass_kink_in_contact(system, state, segment)
     class(system_t), intent(in) :: system           !! what moves
     type(hybrid_state_t), intent(inout) :: state    !! state
     type(segment_t), intent(inout) :: segment       !! what happened
     type(frame_t) :: frame
-    real(wp) :: before, after
+    real(wp) :: before, after, flank_velocity
     integer :: flank
+    logical :: impact
     flank = state%instant%motion_state
     state%instant%touching = flank
     call system%open_frame(state%instant, frame)
     before = approach_velocity(flank, state%instant%y)
     if (before > 0) then
-      after = system%rebound(flank, system%flank_velocity(frame, flank, 0.0_wp), before)
-      call system%launch(flank, after, state%instant%y)
+      flank_velocity = system%flank_velocity(frame, flank, 0.0_wp)
+      call system%law%reset(merge(flank_velocity, -flank_velocity, flank == drive_flank), before, &
+          after, impact)
+      call system%place_at_flank(flank, after, state%instant%y)
       call log_event(system, state, segment, event_impact, flank, before, after)
       if (after < 0 .or. pressing_sign(system, frame, flank, 0.0_wp, state%instant%y) < 0) then
-        call let_go(system, state, segment, flank, after)
+        call release(system, state, segment, flank, after)
       end if
     else if (before < 0) then
-      call let_go(system, state, segment, flank, before)
+      call release(system, state, segment, flank, before)
     end if
-  end subroutine strike_resting
+  end subroutine pass_kink_in_contact
 
   !> Contact begins with an approach velocity of zero or more.
   subroutine begin_contact(system, state, segment, kind, flank, approach)
@@ -103,24 +110,24 @@ contains
     integer, intent(in) :: kind                     !! event_engage or event_chatter_end
     integer, intent(in) :: flank                    !! flank
     real(wp), intent(in) :: approach                !! approach velocity
-    call system%launch(flank, approach, state%instant%y)
+    call system%place_at_flank(flank, approach, state%instant%y)
     state%instant%motion_state = flank
     state%instant%touching = flank
     call log_event(system, state, segment, kind, flank, approach, approach)
   end subroutine begin_contact
 
   !> Contact ends; no restitution applies.
-  subroutine let_go(system, state, segment, flank, approach)
+  subroutine release(system, state, segment, flank, approach)
     class(system_t), intent(in) :: system           !! what moves
     type(hybrid_state_t), intent(inout) :: state    !! state
     type(segment_t), intent(inout) :: segment       !! what happened
     integer, intent(in) :: flank                    !! flank left
     real(wp), intent(in) :: approach                !! approach velocity, not positive
-    call system%launch(flank, approach, state%instant%y)
+    call system%place_at_flank(flank, approach, state%instant%y)
     state%instant%motion_state = separation
     state%instant%touching = flank
     call log_event(system, state, segment, event_release, flank, approach, approach)
-  end subroutine let_go
+  end subroutine release
 
   !> Sign of the first derivative of the pressing acceleration that does not vanish at s: whether
   !> a tooth at rest on the flank stays (+1), leaves (-1) or is left where it is (0).

@@ -6,7 +6,7 @@
 module lapwing_observers_deviations
   use lapwing_kinds, only: wp
   use lapwing_codes, only: separation, back_engagement
-  use lapwing_flow_exact_oscillation, only: damped_t, damped, free_matrix
+  use lapwing_system_oscillation, only: damped_t, damped, free_matrix
   use lapwing_system, only: system_t, frame_t, max_states
   implicit none
   private

@@ -78,7 +78,7 @@ contains
       associate (time => self%contact_time(segment%begin%motion_state))
         time = time + segment%length
       end associate
-      if (system%rigid) then
+      if (system%law%is_rigid()) then
         call forget(self, 0)
       else
         ! Once a contact: the steps of one are alike to the bit, and so would be their rounding.
@@ -131,11 +131,11 @@ contains
     call system%open_frame(segment%begin, frame)
     call system%contact(frame, flank, 0.0_wp, segment%begin%y, distance, approach)
     call system%pressing(frame, flank, 0.0_wp, segment%begin%y, pressing)
-    call forget(self, merge(0, 1, system%rigid))
+    call forget(self, merge(0, 1, system%law%is_rigid()))
     tooth = self%m(:2, :)
     call move(self, deviations, flank, segment%length)
     self%m(:2, :) = tooth
-    call change_tooth(chatter_matrix(pressing, -approach, system%restitution, segment%length), &
+    call change_tooth(chatter_matrix(pressing, -approach, system%law%restitution, segment%length), &
         deviations%n, self%m)
     call keep_in_range(self, deviations%n)
   end subroutine end_chatter_summed
@@ -155,7 +155,7 @@ contains
         call strike(self, system, deviations, segment%events(i), after)
         last = i
       case (event_engage)
-        if (system%rigid) call forget(self, 0)
+        if (system%law%is_rigid()) call forget(self, 0)
         call touch(self, deviations, flank_of(segment%events(i)), 1.0_wp)
       case (event_release)
         call touch(self, deviations, flank_of(segment%events(i)), -1.0_wp)
@@ -199,9 +199,9 @@ contains
     end if
     ! A tooth that arrives with no speed at all has no linear map; the graze tells.
     if (event%before == 0) return
-    if (system%sums_chatter(flank_of(event))) push = pressing(0)
+    if (system%law%sums_chatter(system%moves(flank_of(event)))) push = pressing(0)
     s = impact_matrix(abs(event%before), event%after*sign(1.0_wp, event%before), &
-        system%restitution, push)
+        system%law%restitution, push)
     if (s(1, 1) == 0 .or. s(2, 2) == 0) then
       call forget(self, 1)
     else
@@ -266,9 +266,11 @@ contains
     call accelerations(system, impact, instant, pressing, push)
     speed = abs(impact%after)
     rest = 0
-    if (system%sums_chatter(flank_of(impact))) rest = 2*speed/(pressing(0)*(1 - system%restitution))
-    call forget(self, merge(0, 1, system%rigid))
-    call change_tooth(chatter_matrix(pressing, speed, system%restitution, rest), deviations%n, &
+    if (system%law%sums_chatter(system%moves(flank_of(impact)))) then
+      rest = 2*speed/(pressing(0)*(1 - system%law%restitution))
+    end if
+    call forget(self, merge(0, 1, system%law%is_rigid()))
+    call change_tooth(chatter_matrix(pressing, speed, system%law%restitution, rest), deviations%n, &
         self%m)
     call keep_in_range(self, deviations%n)
   end subroutine end_chatter_at_impact
@@ -288,7 +290,7 @@ contains
     instant%cycle = event%cycle
     instant%t = event%t
     instant%y = after%y
-    call system%launch(instant%chart, 0.0_wp, instant%y)
+    call system%place_at_flank(instant%chart, 0.0_wp, instant%y)
     call system%open_frame(instant, frame)
     call system%pressing(frame, instant%chart, 0.0_wp, instant%y, pressing)
     rate = 0

@@ -5,8 +5,9 @@ module lapwing_polynomial_evaluation
   use lapwing_kinds, only: wp
   implicit none
   private
-  public :: max_degree, horner, horner_slope, value_and_slope, jet, taylor_shift
-  public :: bernstein, bernstein_on, scale_to_unit, upper_bound, never_below, least, largest
+  public :: max_degree, horner, horner_slope, value_and_slope, jet, taylor_shift, shift_quintic
+  public :: bernstein, bernstein_on, bernstein_about, scale_to_unit, upper_bound, never_below, &
+      least, largest
 
   integer, parameter :: max_degree = 5
 
@@ -84,6 +85,35 @@ contains
     end do
   end subroutine taylor_shift
 
+  !> The same of six coefficients, to the same bits, written out: in registers it takes a third of
+  !> the time, and a step begins with it.
+  pure subroutine shift_quintic(c, x, about)
+    real(wp), intent(in) :: c(0:5)           !! coefficients about 0
+    real(wp), intent(in) :: x                !! new origin
+    real(wp), intent(out) :: about(0:5)      !! coefficients about x
+    real(wp) :: c0, c1, c2, c3, c4
+    c4 = c(4) + x*c(5)
+    c3 = c(3) + x*c4
+    c2 = c(2) + x*c3
+    c1 = c(1) + x*c2
+    c0 = c(0) + x*c1
+    c4 = c4 + x*c(5)
+    c3 = c3 + x*c4
+    c2 = c2 + x*c3
+    c1 = c1 + x*c2
+    c4 = c4 + x*c(5)
+    c3 = c3 + x*c4
+    c2 = c2 + x*c3
+    c4 = c4 + x*c(5)
+    c3 = c3 + x*c4
+    about(0) = c0
+    about(1) = c1
+    about(2) = c2
+    about(3) = c3
+    about(4) = c4 + x*c(5)
+    about(5) = c(5)
+  end subroutine shift_quintic
+
   !> Bernstein coefficients on [0, 1]: b_j = sum_i C(j,i)/C(d,i) c_i.
   pure function bernstein(c) result(b)
     real(wp), intent(in) :: c(0:max_degree)  !! coefficients
@@ -107,6 +137,16 @@ contains
     call scale_to_unit(c, length, scaled)
     b = bernstein(scaled)
   end function bernstein_on
+
+  !> Bernstein coefficients on [-half, half] of the first terms of a series about the middle.
+  pure function bernstein_about(taylor, half) result(b)
+    real(wp), intent(in) :: taylor(0:)       !! coefficients
+    real(wp), intent(in) :: half             !! half the interval
+    real(wp) :: b(0:max_degree), c(0:max_degree)
+    c = taylor(0:max_degree)
+    call taylor_shift(c, -half)
+    b = bernstein_on(c, 2*half)
+  end function bernstein_about
 
   !> Least coefficient. (Where one is not a number `minval` looks for it, at some cost.)
   pure real(wp) function least(b)

@@ -3,13 +3,13 @@
 module lapwing_system_exclusion
   use lapwing_kinds, only: wp
   use lapwing_codes, only: drive_flank, coast_flank
-  use lapwing_flank_table, only: te_table_t
+  use lapwing_flank, only: flank_t
   use lapwing_polynomial_evaluation, only: horner, value_and_slope, never_below
   use lapwing_system, only: frame_t, motion_t
   use lapwing_system_frames, only: move_to
   implicit none
   private
-  public :: stays_inside, no_sooner, leap_over_pieces
+  public :: stays_inside, no_sooner, skip_ahead_in_flight
 
 contains
 
@@ -50,8 +50,8 @@ contains
 
   !> Up to the piece on which a flank might be met: from bound to bound, until one ends on the piece
   !> where it began.
-  pure subroutine leap_over_pieces(table, width, n_flanks, force, motion, frame, touching, clear)
-    type(te_table_t), intent(in) :: table        !! motion of the flanks
+  pure subroutine skip_ahead_in_flight(path, width, n_flanks, force, motion, frame, touching, clear)
+    class(flank_t), intent(in) :: path           !! motion of the flanks
     real(wp), intent(in) :: width                !! distance between them, rad
     integer, intent(in) :: n_flanks              !! 2, or 1 without a coast flank
     real(wp), intent(in) :: force                !! acceleration of the flight
@@ -62,19 +62,19 @@ contains
     real(wp) :: s
     s = frame%piece_begin
     do
-      s = s + safe_time(table, width, n_flanks, force, frame, touching, motion, s)
+      s = s + safe_time(path, width, n_flanks, force, frame, touching, motion, s)
       clear = s >= motion%h
       if (.not. clear .and. s <= frame%piece_end) return
-      call move_to(table, width, min(s, motion%h), frame)
+      call move_to(path, width, min(s, motion%h), frame)
       if (clear) return
       touching = 0
     end do
-  end subroutine leap_over_pieces
+  end subroutine skip_ahead_in_flight
 
   !> Time for which a flight, at s of a step, can meet no flank: the distance begins with the value
   !> and slope it has there and bends towards the flank with the largest acceleration of all pieces.
-  pure real(wp) function safe_time(table, width, n_flanks, force, frame, touching, motion, s)
-    type(te_table_t), intent(in) :: table        !! motion of the flanks
+  pure real(wp) function safe_time(path, width, n_flanks, force, frame, touching, motion, s)
+    class(flank_t), intent(in) :: path           !! motion of the flanks
     real(wp), intent(in) :: width                !! distance between them, rad
     integer, intent(in) :: n_flanks              !! 2, or 1 without a coast flank
     real(wp), intent(in) :: force                !! acceleration of the flight
@@ -96,10 +96,10 @@ contains
     end if
     if (touching == drive_flank) above = 0
     if (touching == coast_flank) below = 0
-    safe_time = no_sooner(above, approach, force + table%push(coast_flank))
+    safe_time = no_sooner(above, approach, force + path%push(coast_flank))
     if (n_flanks == 2) then
       safe_time = min(safe_time, no_sooner(below, -approach, &
-          table%push(drive_flank) - force))
+          path%push(drive_flank) - force))
     end if
     safe_time = caution*safe_time
   end function safe_time

@@ -1,15 +1,15 @@
-!> The Galilean frame of one step where every flank there is moves with the table: opened, moved on
-!> piece by piece, and where the flank of its chart is at any time of the step.
+!> The Galilean frame of one step: opened, moved on piece by piece, and where the flank of its chart
+!> is at any time of the step. It is moved on where all flanks go together.
 module lapwing_system_frames
   use lapwing_kinds, only: wp
   use lapwing_codes, only: drive_flank, coast_flank
   use lapwing_polynomial_evaluation, only: max_degree, value_and_slope, taylor_shift
   use lapwing_system, only: instant_t, frame_t, motion_t, dense_degree
-  use lapwing_flank_table, only: te_table_t, piece_at, expand_at
+  use lapwing_flank, only: flank_t, piece_at
   implicit none
   private
-  public :: open_on_piece, open_in_contact, distance_in_frame
-  public :: frame_about, move_to, flank_in_frame, flank_over_step
+  public :: open_on_piece, set_together, set_apart, distance_in_frame, move_to
+  public :: flank_in_frame, flank_over_step
 
   !> Over so many pieces a frame is moved one by one, which keeps the relative precision of a small
   !> bounce across a knot. One that takes longer is larger than the rounding of the table.
@@ -17,9 +17,9 @@ module lapwing_system_frames
 
 contains
 
-  !> Where a frame lies: a piece of the table, up to the next kink or the end of the cycle.
-  pure subroutine open_on_piece(table, piece, instant, frame)
-    type(te_table_t), intent(in) :: table        !! motion of the flanks
+  !> Where a frame lies: a piece of the flanks' motion, up to the next kink or the end of the cycle.
+  pure subroutine open_on_piece(path, piece, instant, frame)
+    class(flank_t), intent(in) :: path           !! motion of the flanks
     integer, intent(in) :: piece                 !! piece that holds the instant
     type(instant_t), intent(in) :: instant       !! where it opens
     type(frame_t), intent(inout) :: frame        !! its frame
@@ -27,152 +27,137 @@ contains
     frame%t = instant%t
     frame%piece = piece
     frame%piece_begin = 0
-    frame%piece_end = table%knot(piece + 1) - instant%t
-    frame%stop_knot = table%next_kink(piece)
-    frame%stop = table%knot(frame%stop_knot) - instant%t
+    frame%piece_end = path%knot(piece + 1) - instant%t
+    frame%stop_knot = path%next_kink(piece)
+    frame%stop = path%knot(frame%stop_knot) - instant%t
   end subroutine open_on_piece
 
-  !> The frame of a step in contact: what `frame_about` makes of it, with nothing left to decide.
-  pure subroutine open_in_contact(table, width, instant, frame)
-    type(te_table_t), intent(in) :: table        !! motion of the flanks
-    real(wp), intent(in) :: width                !! distance between them, rad
-    type(instant_t), intent(in) :: instant       !! where the step begins
-    type(frame_t), intent(inout) :: frame        !! its frame
-    real(wp) :: g(0:max_degree)
-    call open_on_piece(table, piece_at(table, instant%t), instant, frame)
-    call expand_at(table, frame%piece, instant%t, g)
-    frame%origin = g(0)
-    frame%origin_rate = g(1)
-    g(0:1) = 0
-    call set_flanks(g, width, frame)
-  end subroutine open_in_contact
+  !> Both flanks, which move together, in a frame that goes with them.
+  pure subroutine set_together(path, width, frame)
+    class(flank_t), intent(in) :: path               !! their motion
+    real(wp), intent(in) :: width                    !! distance between them, rad
+    type(frame_t), intent(inout) :: frame            !! frame
+    ! Into its place, not by way of another array: what is just stored is slow to copy.
+    call path%taylor(frame%piece, frame%t, frame%flank(:, frame%chart))
+    frame%origin = frame%flank(0, frame%chart)
+    frame%origin_rate = frame%flank(1, frame%chart)
+    frame%flank(0:1, frame%chart) = 0
+    call set_other_flank(width, frame)
+  end subroutine set_together
 
-  !> Flanks in a frame, moving alike or the coast flank not at all, from the Taylor coefficients of
-  !> g where the step begins.
-  pure subroutine frame_about(taylor, width, coast_moves, frame)
-    real(wp), intent(in) :: taylor(0:max_degree)     !! of g there
-    real(wp), intent(in) :: width                    !! distance between the flanks, rad
-    logical, intent(in) :: coast_moves               !! whether the coast flank moves with g
-    type(frame_t), intent(inout) :: frame            !! its frame
-    real(wp) :: g(0:max_degree)
-    g = taylor
-    frame%origin = g(0)
-    frame%origin_rate = 0
-    if (frame%chart == drive_flank .or. coast_moves) then
-      frame%origin_rate = g(1)
-      g(0:1) = 0
-    end if
-    frame%flank(:, drive_flank) = g
-    if (coast_moves) then
-      frame%flank(:, coast_flank) = g
-    else
-      frame%flank(:, coast_flank) = 0
-      if (frame%chart == drive_flank) frame%flank(0:1, coast_flank) = &
-          [-frame%origin, -frame%origin_rate]
-    end if
+  !> The same of flanks with motions of their own, in a frame that goes with that of its chart.
+  pure subroutine set_apart(drive, coast, width, frame)
+    real(wp), intent(in) :: drive(0:max_degree)      !! motion of the drive flank
+    real(wp), intent(in) :: coast(0:max_degree)      !! and of the coast flank
+    real(wp), intent(in) :: width                    !! distance between them, rad
+    type(frame_t), intent(inout) :: frame            !! frame
+    frame%flank(:, drive_flank) = drive
+    frame%flank(:, coast_flank) = coast
+    frame%origin = frame%flank(0, frame%chart)
+    frame%origin_rate = frame%flank(1, frame%chart)
+    frame%flank(0, :) = frame%flank(0, :) - frame%origin
+    frame%flank(1, :) = frame%flank(1, :) - frame%origin_rate
     if (frame%chart == drive_flank) then
       frame%flank(0, coast_flank) = frame%flank(0, coast_flank) - width
     else
       frame%flank(0, drive_flank) = frame%flank(0, drive_flank) + width
     end if
-  end subroutine frame_about
+  end subroutine set_apart
 
   !> Move a frame on to the piece that holds s, not beyond the last before the stop.
-  pure subroutine move_to(table, width, s, frame)
-    type(te_table_t), intent(in) :: table        !! motion of the flanks
+  pure subroutine move_to(path, width, s, frame)
+    class(flank_t), intent(in) :: path           !! motion of the flanks
     real(wp), intent(in) :: width                !! distance between them, rad
     real(wp), intent(in) :: s                    !! time since the frame was opened
     type(frame_t), intent(inout) :: frame        !! frame, moved on
-    real(wp) :: g(0:max_degree)
     integer :: piece
     if (s <= frame%piece_end) return
-    piece = min(piece_at(table, frame%t + s), frame%stop_knot - 1)
+    piece = min(piece_at(path, frame%t + s), frame%stop_knot - 1)
     if (piece - frame%piece <= few_pieces) then
       do while (frame%piece < piece)
-        call go_on(table, width, frame)
+        call go_on(path, width, frame)
       end do
       return
     end if
     frame%piece = piece
-    frame%piece_begin = table%knot(piece) - frame%t
-    frame%piece_end = table%knot(piece + 1) - frame%t
-    g = table%coefficient(:, piece)
-    g(0) = g(0) - frame%origin - frame%origin_rate*frame%piece_begin
-    g(1) = g(1) - frame%origin_rate
-    call set_flanks(g, width, frame)
+    frame%piece_begin = path%knot(piece) - frame%t
+    frame%piece_end = path%knot(piece + 1) - frame%t
+    associate (g => frame%flank, own => frame%chart)
+      call path%taylor(piece, path%knot(piece), g(:, own))
+      g(0, own) = g(0, own) - frame%origin - frame%origin_rate*frame%piece_begin
+      g(1, own) = g(1, own) - frame%origin_rate
+    end associate
+    call set_other_flank(width, frame)
   end subroutine move_to
 
   !> Move a frame on to the next piece.
-  pure subroutine go_on(table, width, frame)
-    type(te_table_t), intent(in) :: table        !! motion of the flanks
+  pure subroutine go_on(path, width, frame)
+    class(flank_t), intent(in) :: path           !! motion of the flanks
     real(wp), intent(in) :: width                !! distance between them, rad
     type(frame_t), intent(inout) :: frame        !! frame, moved one piece on
-    real(wp) :: g(0:max_degree)
-    g = on_next_piece(table, frame)
+    frame%flank(:, frame%chart) = on_next_piece(path, frame)
     frame%piece = frame%piece + 1
     frame%piece_begin = frame%piece_end
-    frame%piece_end = table%knot(frame%piece + 1) - frame%t
-    call set_flanks(g, width, frame)
+    frame%piece_end = path%knot(frame%piece + 1) - frame%t
+    call set_other_flank(width, frame)
   end subroutine go_on
 
-  !> Both flanks, from the polynomial of the chart's own.
-  pure subroutine set_flanks(g, width, frame)
-    real(wp), intent(in) :: g(0:max_degree)      !! flank of the chart
-    real(wp), intent(in) :: width                !! distance between the flanks, rad
+  !> The other flank, which moves together with that of the chart.
+  pure subroutine set_other_flank(width, frame)
+    real(wp), intent(in) :: width                !! distance between them, rad
     type(frame_t), intent(inout) :: frame        !! frame
-    frame%flank(:, drive_flank) = g
-    frame%flank(:, coast_flank) = g
-    if (frame%chart == drive_flank) then
-      frame%flank(0, coast_flank) = g(0) - width
-    else
-      frame%flank(0, drive_flank) = g(0) + width
-    end if
-  end subroutine set_flanks
+    integer :: other
+    other = drive_flank + coast_flank - frame%chart
+    frame%flank(:, other) = frame%flank(:, frame%chart)
+    frame%flank(0, other) = frame%flank(0, frame%chart) + merge(width, -width, other == drive_flank)
+  end subroutine set_other_flank
 
   !> Position and velocity, in the frame, of the flank of its chart. Up to the second knot nothing
   !> is lost against the flank's own motion since the frame was opened; a step that goes farther is
   !> larger than the rounding of the table.
-  pure subroutine flank_in_frame(table, frame, s, position, slope)
-    type(te_table_t), intent(in) :: table        !! motion of the flanks
+  pure subroutine flank_in_frame(path, frame, s, position, slope)
+    class(flank_t), intent(in) :: path           !! motion of the flanks
     type(frame_t), intent(in) :: frame           !! frame as opened
     real(wp), intent(in) :: s                    !! time since the frame was opened
     real(wp), intent(out) :: position, slope     !! in the frame
+    real(wp) :: g(0:max_degree)
     integer :: piece
     if (s <= frame%piece_end) then
       call value_and_slope(frame%flank(:, frame%chart), s, position, slope)
-    else if (s <= second_end(table, frame)) then
-      call value_and_slope(on_next_piece(table, frame), s - frame%piece_end, position, slope)
+    else if (s <= second_end(path, frame)) then
+      call value_and_slope(on_next_piece(path, frame), s - frame%piece_end, position, slope)
     else
-      piece = min(piece_at(table, frame%t + s), frame%stop_knot - 1)
-      call value_and_slope(table%coefficient(:, piece), (frame%t + s) - table%knot(piece), &
-          position, slope)
+      piece = min(piece_at(path, frame%t + s), frame%stop_knot - 1)
+      call path%taylor(piece, path%knot(piece), g)
+      call value_and_slope(g, (frame%t + s) - path%knot(piece), position, slope)
       position = (position - frame%origin) - frame%origin_rate*s
       slope = slope - frame%origin_rate
     end if
   end subroutine flank_in_frame
 
   !> Where the piece after a frame's own ends, or its own if the step must end there.
-  pure real(wp) function second_end(table, frame)
-    type(te_table_t), intent(in) :: table        !! motion of the flanks
+  pure real(wp) function second_end(path, frame)
+    class(flank_t), intent(in) :: path           !! motion of the flanks
     type(frame_t), intent(in) :: frame           !! frame as opened
-    second_end = table%knot(min(frame%piece + 2, frame%stop_knot)) - frame%t
+    second_end = path%knot(min(frame%piece + 2, frame%stop_knot)) - frame%t
   end function second_end
 
   !> The flank of a frame's chart on the piece after the frame's own, about the knot between them.
-  pure function on_next_piece(table, frame) result(g)
-    type(te_table_t), intent(in) :: table        !! motion of the flanks
+  pure function on_next_piece(path, frame) result(g)
+    class(flank_t), intent(in) :: path           !! motion of the flanks
     type(frame_t), intent(in) :: frame           !! frame
     real(wp) :: g(0:max_degree)
+    real(wp) :: position, slope
     call value_and_slope(frame%flank(:, frame%chart), frame%piece_end - frame%piece_begin, &
-        g(0), g(1))
+        position, slope)
+    call path%taylor(frame%piece + 1, path%knot(frame%piece + 1), g)
     ! Off kinks the jump is rounding, but left out it would add up to a mean force.
-    g(1) = g(1) + table%slope_jump(frame%piece + 1)
-    g(2:) = table%coefficient(2:, frame%piece + 1)
+    g(0:1) = [position, slope + path%slope_jump(frame%piece + 1)]
   end function on_next_piece
 
   !> The flank at the quarters of a step, at its end to the same bit as asked for alone.
-  pure subroutine flank_over_step(table, frame, h, position, slope)
-    type(te_table_t), intent(in) :: table                  !! motion of the flanks
+  pure subroutine flank_over_step(path, frame, h, position, slope)
+    class(flank_t), intent(in) :: path                     !! motion of the flanks
     type(frame_t), intent(in) :: frame                     !! frame as opened
     real(wp), intent(in) :: h                              !! step
     real(wp), intent(out) :: position(4), slope(4)         !! at its quarters, in the frame
@@ -188,8 +173,8 @@ contains
           position = position*s + c(i)
         end do
       end associate
-    else if (h <= second_end(table, frame)) then
-      g = on_next_piece(table, frame)
+    else if (h <= second_end(path, frame)) then
+      g = on_next_piece(path, frame)
       do i = 1, 4
         if (s(i) <= frame%piece_end) then
           call value_and_slope(frame%flank(:, frame%chart), s(i), position(i), slope(i))
@@ -199,9 +184,9 @@ contains
       end do
     else
       do i = 1, 4
-        piece = min(piece_at(table, frame%t + s(i)), frame%stop_knot - 1)
-        call value_and_slope(table%coefficient(:, piece), &
-            (frame%t + s(i)) - table%knot(piece), position(i), slope(i))
+        piece = min(piece_at(path, frame%t + s(i)), frame%stop_knot - 1)
+        call path%taylor(piece, path%knot(piece), g)
+        call value_and_slope(g, (frame%t + s(i)) - path%knot(piece), position(i), slope(i))
       end do
       position = (position - frame%origin) - frame%origin_rate*s
       slope = slope - frame%origin_rate

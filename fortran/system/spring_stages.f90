@@ -1,10 +1,11 @@
-!> The stages of a step written out for the gear's two equations of motion: what
-!> `stages_by_dispatch` does with their derivatives, to rounding, at a fifth of its price.
+!> The stages of a step written out for the gear's two equations of motion: what flow/rk4/step.f90
+!> does with their derivatives, to rounding, at a fifth of its price.
 module lapwing_system_spring_stages
   use lapwing_kinds, only: wp
-  use lapwing_flank_table, only: te_table_t
-  use lapwing_system, only: frame_t, step_t, richardson, sixth, change
+  use lapwing_flank, only: flank_t
+  use lapwing_system, only: frame_t
   use lapwing_system_frames, only: flank_in_frame, flank_over_step
+  use lapwing_system_step, only: step_t, richardson, sixth, change
   implicit none
   private
   public :: drive, drive_over_step, spring_stages, flight_stages
@@ -12,8 +13,8 @@ module lapwing_system_spring_stages
 contains
 
   !> What drives the damped spring in contact, at s: the force, and the flank's motion in the frame.
-  pure real(wp) function drive(table, force, damping, moves, frame, s)
-    type(te_table_t), intent(in) :: table    !! motion of the flanks
+  pure real(wp) function drive(flank, force, damping, moves, frame, s)
+    class(flank_t), intent(in) :: flank      !! motion of the flanks
     real(wp), intent(in) :: force            !! F
     real(wp), intent(in) :: damping          !! 2 xi
     logical, intent(in) :: moves             !! whether the flank of the frame's chart does
@@ -22,13 +23,13 @@ contains
     real(wp) :: position, slope
     drive = force
     if (s <= 0 .or. .not. moves) return
-    call flank_in_frame(table, frame, s, position, slope)
+    call flank_in_frame(flank, frame, s, position, slope)
     drive = force + (position + damping*slope)
   end function drive
 
   !> The same at the quarters of a step, and where the flank is at its end.
-  pure subroutine drive_over_step(table, force, damping, moves, frame, h, driven, landing)
-    type(te_table_t), intent(in) :: table    !! motion of the flanks
+  pure subroutine drive_over_step(flank, force, damping, moves, frame, h, driven, landing)
+    class(flank_t), intent(in) :: flank      !! motion of the flanks
     real(wp), intent(in) :: force            !! F
     real(wp), intent(in) :: damping          !! 2 xi
     logical, intent(in) :: moves             !! whether the flank of the frame's chart does
@@ -40,12 +41,13 @@ contains
     driven = force
     landing = 0
     if (.not. moves) return
-    call flank_over_step(table, frame, h, position, slope)
+    call flank_over_step(flank, frame, h, position, slope)
     driven = force + (position + damping*slope)
     landing = [position(4), slope(4)]
   end subroutine drive_over_step
 
-  !> Two classical steps of the damped spring and one over both, extrapolated.
+  !> Two classical steps of the damped spring and one over both, extrapolated: `doubled_step`
+  !> of flow/rk4/step.f90 line by line.
   pure subroutine spring_stages(damping, force, driven, h, z, step)
     real(wp), intent(in) :: damping          !! 2 xi
     real(wp), intent(in) :: force            !! what drives it at s = 0
@@ -68,8 +70,10 @@ contains
     step%rate_end(1:2) = [step%end(2), (driven(4) - step%end(1)) - damping*step%end(2)]
   end subroutine spring_stages
 
-  !> One classical step of x'' = D(s) - x - 2 xi x' in its four accelerations. Each stage waits for
-  !> the one before by a product and a difference only: stages are most of what a step takes.
+  !> One classical step of x'' = D(s) - x - 2 xi x'. Of the four pairs of rates (k_i, a_i) each
+  !> velocity is known from the accelerations before it, k2 = z2 + h/2 a1, k3 = z2 + h/2 a2,
+  !> k4 = z2 + h a3; what is left are the four accelerations. Each waits for the one before by a
+  !> product and a difference only: stages are most of what a step takes.
   pure subroutine spring_step(damping, half_way, at_end, h, z, a1, z_end)
     real(wp), intent(in) :: damping              !! 2 xi
     real(wp), intent(in) :: half_way, at_end     !! D at h/2 and h

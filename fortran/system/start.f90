@@ -4,7 +4,7 @@ module lapwing_system_start
   use lapwing_codes, only: separation, engagement, back_engagement, coast_flank
   use lapwing_system_oscillator, only: oscillator_t
   use lapwing_system, only: instant_t
-  use lapwing_flank_table, only: locate_piece
+  use lapwing_flank, only: locate_piece
   implicit none
   private
   public :: start_of_run, start_at_rest, start_from
@@ -31,8 +31,8 @@ contains
     type(instant_t) :: instant
     real(wp) :: deflection
     instant%t = phase*self%period
-    instant%piece = locate_piece(self%table, instant%t, 1)
-    deflection = merge(0.0_wp, self%force, self%rigid)
+    instant%piece = locate_piece(self%path, instant%t, 1)
+    deflection = merge(0.0_wp, self%force, self%law%is_rigid())
     instant%y(1:2) = [deflection, 0.0_wp]
     instant%motion_state = engagement
     if (self%force < 0) then
@@ -50,17 +50,17 @@ contains
     type(instant_t) :: instant
     real(wp) :: g, slope
     instant%t = phase*self%period
-    instant%piece = locate_piece(self%table, instant%t, 1)
+    instant%piece = locate_piece(self%path, instant%t, 1)
     instant%motion_state = motion_state
     instant%y(1:2) = [phi, phi_dot]
     if (motion_state == back_engagement) then
       instant%chart = coast_flank
       instant%y(1) = phi + self%width
-      if (.not. self%coast_moves) then
-        call self%flank_motion(instant%t, instant%piece, g, slope)
+      if (.not. self%moves(coast_flank)) then
+        call self%path%motion(instant%t, instant%piece, g, slope)
         instant%y(1:2) = instant%y(1:2) + [g, slope]
       end if
     end if
-    if (self%rigid .and. motion_state /= separation) instant%y(1:2) = 0
+    if (self%law%is_rigid() .and. motion_state /= separation) instant%y(1:2) = 0
   end function start_from
 end module lapwing_system_start

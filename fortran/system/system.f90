@@ -8,20 +8,15 @@
 module lapwing_system
   use lapwing_kinds, only: wp
   use lapwing_codes, only: drive_flank
+  use lapwing_contact_law, only: contact_law_t
   use lapwing_polynomial_evaluation, only: max_degree
+  use lapwing_system_step, only: step_t, max_states
   implicit none
   private
   public :: max_states, dense_degree
-  public :: instant_t, frame_t, motion_t, step_t, system_t, approach_velocity, &
-      richardson, sixth, change, stages_by_dispatch
+  public :: instant_t, frame_t, motion_t, step_t, system_t, approach_velocity
 
-  integer, parameter :: max_states = 8            !! largest number of state variables
   integer, parameter :: dense_degree = 5          !! degree of the dense output
-
-  !> 1/(2**4 - 1): two half steps of a fourth-order formula against the whole one.
-  real(wp), parameter :: richardson = 1.0_wp/15
-  !> Products for quotients: stages wait for each other, and a division takes three times as long.
-  real(wp), parameter :: third = 1.0_wp/3, sixth = 1.0_wp/6
 
   !> Where the system is.
   type :: instant_t
@@ -47,18 +42,6 @@ module lapwing_system
     real(wp) :: flank(0:max_degree, 2) = 0       !! flank positions about s = piece_begin
   end type frame_t
 
-  !> What the stages of a step give. Nothing is set beforehand: a step is too short for that.
-  type :: step_t
-    real(wp) :: middle(max_states)        !! local coordinates at s = h/2
-    real(wp) :: end(max_states)           !! and at s = h
-    real(wp) :: correction(max_states)    !! extrapolation at s = h: the error without it
-    real(wp) :: rate_begin(max_states)    !! derivatives at s = 0
-    real(wp) :: rate_middle(max_states)   !! at s = h/2
-    real(wp) :: rate_end(max_states)      !! at s = h, where dense output is wanted
-    real(wp) :: landing(2)                !! position and velocity of the chart's flank at s = h, in
-                                          !! the frame, of a system that knows when it stays
-  end type step_t
-
   !> One accepted step as a polynomial: z(s) = sum_k dense(k,:) (s/h)**k.
   type :: motion_t
     real(wp) :: h = 0                                       !! step
@@ -70,11 +53,8 @@ module lapwing_system
     integer :: n_states = 2        !! state variables in use
     integer :: n_flanks = 2        !! 2, or 1 where there is no coast flank
     real(wp) :: period = 1         !! length of a cycle in tau
-    logical :: compliant = .false. !! contact without impact law
-    logical :: rigid = .false.     !! an engaged tooth follows its flank; nothing else may move
-                                   !! then (n_states = 2)
-    logical :: absolute = .false.  !! impact law that asks for the flank's own velocity
-    real(wp) :: restitution = 1    !! used to sum a chatter; the law itself is `rebound`
+    class(contact_law_t), allocatable :: law   !! what happens at a flank; under a rigid one nothing
+                                               !! else may move (n_states = 2)
     !> Bound of the acceleration that presses a tooth onto a flank: what is slow against it might
     !> come to rest.
     real(wp) :: strongest = huge(1.0_wp)
@@ -86,18 +66,17 @@ module lapwing_system
     procedure(contact_i), deferred :: contact
     procedure(commit_i), deferred :: commit
     procedure(pressing_i), deferred :: pressing
-    procedure(rebound_i), deferred :: rebound
-    procedure(sums_chatter_i), deferred :: sums_chatter
-    procedure(launch_i), deferred :: launch
+    procedure(place_at_flank_i), deferred :: place_at_flank
     procedure(pass_knot_i), deferred :: pass_knot
     procedure(scales_i), deferred :: scales
     procedure(observe_i), deferred :: observe
     ! What a system may know better, to save work.
     procedure :: begins_clear => never_clear
     procedure :: limit_step => as_opened
+    procedure :: moves => always
     procedure :: flank_velocity => at_rest
-    procedure :: stages => stages_by_dispatch
-    procedure :: stay, leap
+    procedure :: stages => left_to_formula
+    procedure :: stay, skip_ahead
   end type system_t
 
   abstract interface
@@ -180,33 +159,15 @@ module lapwing_system
       real(wp), intent(out) :: c(0:max_degree)     !! Taylor coefficients about s
     end subroutine pressing_i
 
-    !> Impact law: approach velocity after an impact (negative: the tooth rebounds).
-    pure real(wp) function rebound_i(self, flank, flank_velocity, approach)
-      import :: system_t, wp
-      implicit none
-      class(system_t), intent(in) :: self
-      integer, intent(in) :: flank                 !! flank struck
-      real(wp), intent(in) :: flank_velocity       !! its own, where `absolute`
-      real(wp), intent(in) :: approach             !! approach velocity before
-    end function rebound_i
-
-    !> Whether rebounds from a flank shrink by `restitution` each, so that a chatter has a sum.
-    pure logical function sums_chatter_i(self, flank)
-      import :: system_t
-      implicit none
-      class(system_t), intent(in) :: self
-      integer, intent(in) :: flank                 !! flank
-    end function sums_chatter_i
-
     !> Put a state that is at a flank exactly onto it, with the given approach velocity.
-    pure subroutine launch_i(self, flank, approach, y)
+    pure subroutine place_at_flank_i(self, flank, approach, y)
       import :: system_t, max_states, wp
       implicit none
       class(system_t), intent(in) :: self
       integer, intent(in) :: flank                 !! flank the chart refers to
       real(wp), intent(in) :: approach             !! approach velocity, negative: leaves
       real(wp), intent(inout) :: y(max_states)     !! state variables in the flank's chart
-    end subroutine launch_i
+    end subroutine place_at_flank_i
 
     !> Move an instant that has reached a knot past it; tells the velocity jump of a kink.
     pure subroutine pass_knot_i(self, knot, instant, is_kink, jump)
@@ -248,54 +209,18 @@ contains
     approach_velocity = merge(y(2), -y(2), flank == drive_flank)
   end function approach_velocity
 
-  !> Change over a step by the four classical rates, about the first: where the rate is constant it
-  !> is exact, and no rounding of weights adds up over many steps. The last rate enters last, in one
-  !> product and one sum: nothing else waits for it.
-  pure elemental real(wp) function change(h, k1, k2, k3, k4)
-    real(wp), intent(in) :: h                !! step
-    real(wp), intent(in) :: k1, k2, k3, k4   !! rates at begin, twice in the middle, at the end
-    change = (h*k1 + (h*third)*((k2 - k1) + (k3 - k1))) + (h*sixth)*(k4 - k1)
-  end function change
-
-  !> The stages of one step, each derivative through the system's own procedure.
-  !> A system may override this with the same stages written out.
-  subroutine stages_by_dispatch(self, frame, motion_state, h, z, dense, step)
+  !> The stages of a step in contact or in flight, written out for the system's own equations. The
+  !> default leaves them to the formula.
+  subroutine left_to_formula(self, frame, motion_state, h, z, step, done)
     class(system_t), intent(in) :: self
     type(frame_t), intent(in) :: frame             !! frame as opened
     integer, intent(in) :: motion_state            !! motion state
     real(wp), intent(in) :: h                      !! step
     real(wp), intent(in) :: z(max_states)          !! local coordinates at s = 0
-    logical, intent(in) :: dense                   !! whether the rate at the end is wanted
     type(step_t), intent(inout) :: step            !! the result
-    real(wp), dimension(self%n_states) :: k2, k3, k4, middle, fine, coarse
-    real(wp) :: half, quarter
-    integer :: n
-    half = 0.5_wp*h
-    quarter = 0.25_wp*h
-    n = self%n_states
-    associate (z0 => z(1:n), k1 => step%rate_begin(1:n), k5 => step%rate_middle(1:n))
-      call self%derivatives(frame, motion_state, 0.0_wp, z0, k1)
-      call self%derivatives(frame, motion_state, quarter, z0 + quarter*k1, k2)
-      call self%derivatives(frame, motion_state, quarter, z0 + quarter*k2, k3)
-      call self%derivatives(frame, motion_state, half, z0 + half*k3, k4)
-      middle = z0 + change(half, k1, k2, k3, k4)
-      call self%derivatives(frame, motion_state, half, middle, k5)
-      call self%derivatives(frame, motion_state, half + quarter, middle + quarter*k5, k2)
-      call self%derivatives(frame, motion_state, half + quarter, middle + quarter*k2, k3)
-      call self%derivatives(frame, motion_state, h, middle + half*k3, k4)
-      fine = middle + change(half, k5, k2, k3, k4)
-      call self%derivatives(frame, motion_state, half, z0 + half*k1, k2)
-      call self%derivatives(frame, motion_state, half, z0 + half*k2, k3)
-      call self%derivatives(frame, motion_state, h, z0 + h*k3, k4)
-      coarse = z0 + change(h, k1, k2, k3, k4)
-      step%correction(1:n) = richardson*(fine - coarse)
-      step%middle(1:n) = middle + 0.5_wp*step%correction(1:n)
-      step%end(1:n) = fine + step%correction(1:n)
-      if (dense) then
-        call self%derivatives(frame, motion_state, h, step%end(1:n), step%rate_end(1:n))
-      end if
-    end associate
-  end subroutine stages_by_dispatch
+    logical, intent(out) :: done                   !! whether there is one
+    done = .false.
+  end subroutine left_to_formula
 
   !> A step in contact that certainly stays inside the flank: the state at its end, without a look
   !> at the flank on the way. The default claims nothing: the step is searched.
@@ -312,7 +237,7 @@ contains
 
   !> Go on in a flight, from the beginning of the frame's piece, over pieces on which it certainly
   !> meets no flank. The default claims nothing: every piece is searched.
-  pure subroutine leap(self, motion, frame, touching, clear)
+  pure subroutine skip_ahead(self, motion, frame, touching, clear)
     class(system_t), intent(in) :: self
     type(motion_t), intent(in) :: motion         !! step as a polynomial
     type(frame_t), intent(inout) :: frame        !! frame, on the piece to be searched next
@@ -320,7 +245,7 @@ contains
     logical, intent(out) :: clear                !! whether nothing is met up to the step's end,
                                                  !! which the frame's piece then holds
     clear = .false.
-  end subroutine leap
+  end subroutine skip_ahead
 
   !> Whether an arc certainly begins off all flanks, or on its way from one or into one, so that
   !> nothing is to be decided there. A tooth that leaves with v might be at the end of a chatter if
@@ -339,6 +264,13 @@ contains
     type(instant_t), intent(in) :: instant       !! where it opens
     type(frame_t), intent(inout) :: frame        !! frame
   end subroutine as_opened
+
+  !> Whether a flank moves, so that the impacts on it may gain speed.
+  pure logical function always(self, flank)
+    class(system_t), intent(in) :: self
+    integer, intent(in) :: flank                 !! flank
+    always = .true.
+  end function always
 
   !> Velocity of a flank at s within a frame's piece.
   pure real(wp) function at_rest(self, frame, flank, s)

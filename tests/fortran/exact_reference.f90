@@ -2,17 +2,19 @@
 !> series of the differential equation itself, of order 30, in quadruple precision.
 module exact_reference
   use, intrinsic :: iso_fortran_env, only: qp => real128
-  use lapwing_flow_exact_response, only: make_closed_form, most_panels
-  use lapwing_flank_series, only: harmonic_series_t, harmonic_series
+  use lapwing_flank_fixed, only: fixed_flank_t, make_fixed_flank
+  use lapwing_flank_series, only: series_flank_t, make_series_flank, harmonic_series
   use lapwing_kinds, only: wp
   use lapwing_polynomial_evaluation, only: max_degree
-  use lapwing_flow_exact_motion, only: scene_t
-  use lapwing_flank_table, only: make_table
+  use lapwing_flank_table, only: te_table_t, make_table
+  use lapwing_flow_exact_curve, only: scene_t
+  use lapwing_flow_exact_panels, only: most_panels
+  use lapwing_flow_exact_response, only: make_closed_form, make_form_at_rest
   implicit none
   private
   public :: qp, seed, uniform, chance, pick, random_table, random_series, table_scene, series_scene
   public :: random_scene, slow_scene, quad_flank, quad_flow, quad_acceleration, longest_rate
-  public :: amplification
+  public :: amplification, largest_term, scene_at_rest
 
   integer, parameter :: order = 30               !! of the reference's steps
   !> Steps of this over the fastest rate leave out 0.25**31 of a term: nothing.
@@ -99,14 +101,15 @@ contains
     real(wp), intent(in) :: period, xi, force     !! P, damping ratio, F
     integer, intent(in), optional :: most         !! panels before it is graded
     type(scene_t) :: scene
-    type(harmonic_series_t) :: none
+    type(te_table_t), pointer :: table
     integer :: panels, error
     panels = most_panels
     if (present(most)) panels = most
     scene%force = force
-    allocate (scene%table)
-    call make_table(knots, coefficients, kinks, 1.0_wp, period, 0.0_wp, scene%table, error)
-    call make_closed_form(scene%table, none, .false., xi, period, panels, scene%form, error)
+    allocate (table)
+    call make_table(knots, coefficients, kinks, 1.0_wp, period, 0.0_wp, table, error)
+    scene%flank => table
+    call make_closed_form(table, xi, period, panels, scene%form, error)
   end function table_scene
 
   !> Scene over a harmonic series.
@@ -115,17 +118,29 @@ contains
     real(wp), intent(in) :: period, xi, force     !! P, damping ratio, F
     integer, intent(in), optional :: most         !! panels before it is graded
     type(scene_t) :: scene
-    real(wp) :: zero(0:max_degree, 1)
+    type(series_flank_t), pointer :: flank
     integer :: panels, error
     panels = most_panels
     if (present(most)) panels = most
-    zero = 0
     scene%force = force
-    allocate (scene%table)
-    call make_table([0.0_wp, 1.0_wp], zero, [.false.], 1.0_wp, period, 0.0_wp, scene%table, error)
-    call make_closed_form(scene%table, harmonic_series(series, 1.0_wp, two_pi/period), .true., &
-        xi, period, panels, scene%form, error)
+    allocate (flank)
+    call make_series_flank(harmonic_series(series, 1.0_wp, two_pi/period), period, flank, error)
+    scene%flank => flank
+    call make_closed_form(flank, xi, period, panels, scene%form, error)
   end function series_scene
+
+  !> The same scene seen from a flank that does not move.
+  function scene_at_rest(moving) result(scene)
+    type(scene_t), intent(in) :: moving           !! seen from one that does
+    type(scene_t) :: scene
+    type(fixed_flank_t), pointer :: flank
+    integer :: error
+    scene%force = moving%force
+    allocate (flank)
+    call make_fixed_flank(moving%form%period, flank, error)
+    scene%flank => flank
+    call make_form_at_rest(moving%form, scene%form, error)
+  end function scene_at_rest
 
   !> Any of the two, far from undamped resonances, where the response is at most some ten times its
   !> cause.
@@ -170,7 +185,10 @@ contains
   pure real(wp) function longest_rate(scene)
     type(scene_t), intent(in) :: scene            !! scene
     longest_rate = max(1.0_wp, 2*scene%form%damping%xi)
-    if (scene%form%harmonic) longest_rate = max(longest_rate, maxval(scene%form%g%rate))
+    select type (flank => scene%flank)
+    type is (series_flank_t)
+      longest_rate = max(longest_rate, maxval(flank%series%rate))
+    end select
   end function longest_rate
 
   !> Largest size of the response in contact.
@@ -184,6 +202,17 @@ contains
     end do
   end function amplification
 
+  !> Largest of a table's coefficients from an order on; 0 of another flank.
+  pure real(wp) function largest_term(scene, order)
+    type(scene_t), intent(in) :: scene            !! scene
+    integer, intent(in) :: order                  !! least order
+    largest_term = 0
+    select type (flank => scene%flank)
+    type is (te_table_t)
+      largest_term = maxval(abs(flank%coefficient(order:, :)))
+    end select
+  end function largest_term
+
   !> Taylor coefficients of g about a time on a table piece.
   pure function quad_flank(scene, piece, t) result(g)
     type(scene_t), intent(in) :: scene            !! scene
@@ -192,37 +221,38 @@ contains
     real(qp) :: g(0:order), c, s, power
     integer :: i, k
     g = 0
-    if (.not. scene%form%harmonic) then
-      g(0:max_degree) = scene%table%coefficient(:, piece)
+    select type (flank => scene%flank)
+    type is (te_table_t)
+      g(0:max_degree) = flank%coefficient(:, piece)
       do i = 0, max_degree - 1
         do k = max_degree - 1, i, -1
-          g(k) = g(k) + (t - scene%table%knot(piece))*g(k + 1)
+          g(k) = g(k) + (t - flank%knot(piece))*g(k + 1)
         end do
       end do
-      return
-    end if
-    g(0) = scene%form%g%constant
-    do i = 1, size(scene%form%g%rate)
-      c = cos(scene%form%g%rate(i)*t)
-      s = sin(scene%form%g%rate(i)*t)
-      power = 1
-      do k = 0, order
-        ! Derivatives of (cosine, sine): value, rate, -value, -rate, ...
-        if (mod(k, 2) == 0) then
-          g(k) = g(k) + power*(scene%form%g%cosine(i)*c + scene%form%g%sine(i)*s)
-        else
-          g(k) = g(k) + power*(scene%form%g%sine(i)*c - scene%form%g%cosine(i)*s)
-        end if
-        power = power*scene%form%g%rate(i)/(k + 1)
-        if (mod(k, 2) == 1) power = -power
+    type is (series_flank_t)
+      g(0) = flank%series%constant
+      do i = 1, size(flank%series%rate)
+        c = cos(flank%series%rate(i)*t)
+        s = sin(flank%series%rate(i)*t)
+        power = 1
+        do k = 0, order
+          ! Derivatives of (cosine, sine): value, rate, -value, -rate, ...
+          if (mod(k, 2) == 0) then
+            g(k) = g(k) + power*(flank%series%cosine(i)*c + flank%series%sine(i)*s)
+          else
+            g(k) = g(k) + power*(flank%series%sine(i)*c - flank%series%cosine(i)*s)
+          end if
+          power = power*flank%series%rate(i)/(k + 1)
+          if (mod(k, 2) == 1) power = -power
+        end do
       end do
-    end do
+    end select
   end function quad_flank
 
   !> Move position and velocity relative to a flank by a time that stays on one table piece.
-  pure subroutine quad_flow(scene, contact, moving, piece, t, s, x, v)
+  pure subroutine quad_flow(scene, contact, piece, t, s, x, v)
     type(scene_t), intent(in) :: scene            !! scene
-    logical, intent(in) :: contact, moving        !! in contact; whether the flank moves
+    logical, intent(in) :: contact                !! or in flight
     integer, intent(in) :: piece                  !! table piece
     real(qp), intent(in) :: t, s                  !! time in the cycle, time moved by
     real(qp), intent(inout) :: x, v               !! position and velocity
@@ -232,8 +262,7 @@ contains
     h = s/n
     do i = 0, n - 1
       at = t + i*h
-      g = 0
-      if (moving) g = quad_flank(scene, piece, at)
+      g = quad_flank(scene, piece, at)
       c(0:1) = [x, v]
       do k = 2, order
         c(k) = -g(k)
@@ -252,15 +281,14 @@ contains
   end subroutine quad_flow
 
   !> x''.
-  pure real(qp) function quad_acceleration(scene, contact, moving, piece, t, x, v) result(a)
+  pure real(qp) function quad_acceleration(scene, contact, piece, t, x, v) result(a)
     type(scene_t), intent(in) :: scene            !! scene
-    logical, intent(in) :: contact, moving        !! in contact; whether the flank moves
+    logical, intent(in) :: contact                !! or in flight
     integer, intent(in) :: piece                  !! table piece
     real(qp), intent(in) :: t                     !! time in the cycle
     real(qp), intent(in) :: x, v                  !! position and velocity
     real(qp) :: g(0:order)
-    g = 0
-    if (moving) g = quad_flank(scene, piece, t)
+    g = quad_flank(scene, piece, t)
     a = scene%force - 2*g(2)
     if (contact) a = a - 2*scene%form%damping%xi*v - x
   end function quad_acceleration

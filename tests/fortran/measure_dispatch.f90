@@ -1,5 +1,5 @@
 !> The price of generality, in nanoseconds (not a test): `meson compile measure_dispatch` in a
-!> release build, then run it. A step with the gear's own stages against `stages_by_dispatch`, and
+!> release build, then run it. A step with the gear's own stages against the formula, and
 !> whole calls of `advance`.
 program measure_dispatch
   use lapwing_codes, only: separation, engagement, law_compliant, law_restitution, gap_one_flank

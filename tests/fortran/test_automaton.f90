@@ -6,6 +6,8 @@ program test_automaton
   use lapwing_codes, only: separation, engagement, coast_flank, event_impact, event_chatter_end, &
       event_engage, event_kind, status_ok, status_too_many_events, status_too_many_steps, &
       status_not_finite
+  use lapwing_contact_impact, only: relative_impact_t
+  use lapwing_contact_rigid, only: rigid_t
   use lapwing_flow, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t, event_t
   use lapwing_kinds, only: wp
@@ -73,8 +75,7 @@ contains
     worst = 0
     do i = 1, 4
       do k = 1, 2
-        ball%restitution = restitution(i)
-        ball%rigid = .true.
+        ball%law = rigid_t(restitution=restitution(i))
         ball%pull = 2
         ball%period = period(k)
         state = hybrid_state_t()
@@ -121,8 +122,7 @@ contains
     type(event_t) :: event
     real(wp) :: time
     integer :: impacts
-    ball%restitution = 0
-    ball%rigid = .true.
+    ball%law = rigid_t(restitution=0.0_wp)
     ball%period = 7
     state%instant%y(1) = -0.5_wp
     impacts = 0
@@ -145,7 +145,7 @@ contains
     type(event_t) :: event
     real(wp) :: time, worst, exact
     integer :: i, impacts
-    ball%restitution = 1
+    ball%law = relative_impact_t(restitution=1.0_wp)
     ball%wall = [0.0_wp, -1.0_wp]
     ball%period = 3
     state%instant%y(2) = -2
@@ -178,7 +178,7 @@ contains
     type(hybrid_state_t) :: state
     real(wp) :: a, b, g, psi, at, speed
     mass%period = 8*atan(1.0_wp)/w
-    mass%restitution = restitution
+    mass%law = relative_impact_t(restitution=restitution)
     mass%wall = [0.0_wp, -100.0_wp]
     b = -separation_speed
     a = b/tan(mass%period/2)
@@ -289,7 +289,7 @@ contains
         ieee_quiet_nan, ieee_set_flag
     type(ball_t) :: ball
     integer :: status
-    ball%restitution = 1
+    ball%law = relative_impact_t(restitution=1.0_wp)
     ball%period = 1.0e4_wp
     call status_of(ball, -1.0_wp, numerics_t(max_events_per_cycle=50), status)
     call tally%equal(status, status_too_many_events, "too many events")

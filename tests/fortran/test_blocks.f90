@@ -4,15 +4,15 @@ program test_blocks
   use exact_reference, only: seed, uniform, chance, pick, table_scene, series_scene, random_series
   use lapwing_flow_exact_interval_bounds, only: make_blocks
   use lapwing_codes, only: drive_flank, coast_flank, no_flank
-  use lapwing_flow_exact_response, only: free_size, locate_panel
   use lapwing_flow_exact_contact, only: contact_end
   use lapwing_flow_exact_flight, only: end_t, flight_end
   use lapwing_flow_exact_extrema, only: farthest
   use lapwing_flank_series, only: harmonic_series_t, harmonic_series, series_at
   use lapwing_kinds, only: wp
-  use lapwing_flow_exact_motion, only: scene_t, curve_t, launch, expand_fully, curve_at, &
-      flank_taylor
-  use lapwing_flank_table, only: locate_piece
+  use lapwing_flank, only: locate_piece
+  use lapwing_flow_exact_curve, only: scene_t, curve_t, begin_curve, expand_fully
+  use lapwing_flow_exact_motion, only: curve_at
+  use lapwing_flow_exact_panels, only: free_size, locate_panel
   implicit none
 
   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
@@ -45,7 +45,7 @@ contains
       scene = smooth_table(series, n, two_pi*uniform(1.3_wp, 9.6_wp), &
           pick([0.03_wp, 0.1_wp, 1.0_wp]), uniform(-0.3_wp, 1.0_wp), chance(0.5_wp))
     end if
-    call make_blocks(scene%form, scene%table, scene%blocks, error)
+    call make_blocks(scene%form, scene%flank, scene%blocks, error)
   end function many
 
   !> Cubic pieces through values and slopes of a series; with a kink in the middle, if wanted.
@@ -83,7 +83,7 @@ contains
     type(scene_t) :: scene
     integer :: error
     scene = series_scene(random_series(1), two_pi, 0.1_wp, 1.0_wp)
-    call make_blocks(scene%form, scene%table, scene%blocks, error)
+    call make_blocks(scene%form, scene%flank, scene%blocks, error)
     call tally%is_true(scene%blocks%panels == 0 .and. scene%blocks%pieces == 0, "no blocks")
   end subroutine test_few_have_none
 
@@ -110,7 +110,7 @@ contains
         t = scene%form%edge(panel) &
             + 0.0999_wp*k*(scene%form%edge(panel + 1) - scene%form%edge(panel))
         piece = scene%form%piece(panel)
-        call flank_taylor(scene, .true., t, piece, g)
+        call scene%flank%taylor(piece, t, g)
         associate (block => scene%blocks%over((panel - 1)/scene%blocks%panels + 1))
           inside = inside .and. g(0) >= block%g_low - rounding .and. g(0) <= block%g_high + rounding
           inside = inside .and. scene%form%panel(panel)%q_begin(1) >= block%q_low - rounding &
@@ -144,11 +144,10 @@ contains
     real(wp) :: t
     integer :: piece
     t = uniform(0.0_wp, scene%form%period)*pick([0.0_wp, 0.1_wp, 1.0_wp])
-    piece = locate_piece(scene%table, t, 1)
-    call launch(scene, contact, .true., t, piece, x, v, curve)
+    piece = locate_piece(scene%flank, t, 1)
+    call begin_curve(scene, contact, t, piece, x, v, curve)
     call expand_fully(scene, curve)
-    stop = scene%form%period - t
-    if (.not. scene%form%harmonic) stop = scene%table%knot(scene%table%next_kink(piece)) - t
+    stop = scene%flank%knot(scene%flank%next_kink(piece)) - t
     if (chance(0.3_wp)) stop = stop*uniform(0.0_wp, 1.0_wp)
   end subroutine begin
 

@@ -3,11 +3,12 @@
 program test_closed_form
   use assertions, only: tally_t
   use exact_reference, only: qp, seed, uniform, random_scene, table_scene, &
-      quad_flank, quad_flow, amplification
-  use lapwing_flow_exact_response, only: locate_panel, free_size
+      quad_flank, quad_flow, amplification, largest_term
+  use lapwing_flank_fixed, only: fixed_flank_t
   use lapwing_kinds, only: wp
   use lapwing_polynomial_evaluation, only: max_degree, horner
-  use lapwing_flow_exact_motion, only: scene_t
+  use lapwing_flow_exact_curve, only: scene_t, is_smooth
+  use lapwing_flow_exact_panels, only: locate_panel, free_size
   implicit none
 
   type(tally_t) :: tally
@@ -29,8 +30,7 @@ contains
   real(wp) function rounding(scene)
     type(scene_t), intent(in) :: scene   !! scene
     real(wp) :: bend
-    bend = 1
-    if (.not. scene%form%harmonic) bend = 1 + maxval(abs(scene%table%coefficient(2:5, :)))
+    bend = 1 + largest_term(scene, 2)
     rounding = eps*(200 + 10*scene%form%n)*(bend + amplification(scene))
   end function rounding
 
@@ -51,14 +51,13 @@ contains
           associate (here => form%panel(panel), there => form%panel(next))
             x = here%q_begin(1)
             v = here%q_begin(2)
-            call quad_flow(scene, .true., .true., form%piece(panel), real(form%edge(panel), qp), &
+            call quad_flow(scene, .true., form%piece(panel), real(form%edge(panel), qp), &
                 real(form%edge(panel + 1), qp) - form%edge(panel), x, v)
             call tally%near(here%q_end(1), real(x, wp), allowed, "response after a panel")
             call tally%near(here%q_end(2), real(v, wp), allowed, "its rate after a panel")
             worst = max(worst, abs(real(here%q_end(1) - x, wp))/allowed)
             jump = 0
-            if (.not. form%harmonic .and. (form%piece(next) /= form%piece(panel) &
-                .or. next == 1)) then
+            if (form%piece(next) /= form%piece(panel) .or. next == 1) then
               jump = slope_jump(scene, form%piece(panel), form%piece(next))
             end if
             call tally%near(there%q_begin(1), here%q_end(1), allowed, &
@@ -77,8 +76,8 @@ contains
     type(scene_t), intent(in) :: scene       !! scene
     integer, intent(in) :: before, after     !! pieces
     real(qp) :: g(0:30), h(0:30)
-    g = quad_flank(scene, before, real(scene%table%knot(before + 1), qp))
-    h = quad_flank(scene, after, real(scene%table%knot(after), qp))
+    g = quad_flank(scene, before, real(scene%flank%knot(before + 1), qp))
+    h = quad_flank(scene, after, real(scene%flank%knot(after), qp))
     slope_jump = h(1) - g(1)
   end function slope_jump
 
@@ -157,7 +156,7 @@ contains
     associate (form => scene%form, here => scene%form%panel(panel))
       q = here%q_begin(1)
       v = here%q_begin(2)
-      call quad_flow(scene, .true., .true., form%piece(panel), real(form%edge(panel), qp), &
+      call quad_flow(scene, .true., form%piece(panel), real(form%edge(panel), qp), &
           real(s, qp), q, v)
       call enclosed(real(q, wp), x, here%q_bernstein, here%q_rest, allowed, "q")
       call tally%near(horner(here%q, form%edge(panel) + s - here%middle), real(q, wp), allowed, &
@@ -165,7 +164,7 @@ contains
       call tally%below(real(q, wp), form%q_high + allowed, "upper bound of q")
       call tally%below(-real(q, wp), -form%q_low + allowed, "lower bound of q")
       call check_free_part(scene, panel, x, s)
-      if (.not. form%harmonic) return
+      if (.not. is_smooth(scene%flank)) return
       g = quad_flank(scene, 1, form%edge(panel) + real(s, qp))
       call enclosed(real(g(0), wp), x, here%g_bernstein, here%g_rest, 64*eps, "g")
       call tally%near(horner(here%g, form%edge(panel) + s - here%middle), real(g(0), wp), 64*eps, &
@@ -180,22 +179,27 @@ contains
     type(scene_t), intent(in) :: scene   !! scene
     integer, intent(in) :: panel         !! panel
     real(wp), intent(in) :: x, s         !! place in it, 0 to 1 and in tau
+    type(scene_t) :: still
+    type(fixed_flank_t), target :: fixed
     real(qp) :: d, d_rate, middle(2)
     real(wp) :: free(2), moved(2)
+    still%flank => fixed
+    still%force = scene%force
+    still%form%damping = scene%form%damping
     associate (form => scene%form, here => scene%form%panel(panel))
       d = uniform(-1.0_wp, 1.0_wp)
       d_rate = uniform(-1.0_wp, 1.0_wp)
       middle = [d, d_rate]
-      call quad_flow(scene, .true., .false., 1, 0.0_qp, real(here%half, qp), middle(1), middle(2))
+      call quad_flow(still, .true., 1, 0.0_qp, real(here%half, qp), middle(1), middle(2))
       free = real(middle, wp)
-      call quad_flow(scene, .true., .false., 1, 0.0_qp, real(s, qp), d, d_rate)
+      call quad_flow(still, .true., 1, 0.0_qp, real(s, qp), d, d_rate)
       call enclosed(real(d, wp), x, matmul(here%d_bernstein, free), &
           here%d_rest*free_size(free), 64*eps, "d")
       ! A bound of no use would hold too. With panels of 1.5, and |x^(6)| <= (1 + 2 xi)**5:
       call tally%below(here%d_rest, 0.75_wp**6/720*(1 + 2*form%damping%xi)**5*2, &
           "what is left out of d")
       if (x /= 1 .or. panel == form%n) return
-      call quad_flow(scene, .true., .false., 1, 0.0_qp, &
+      call quad_flow(still, .true., 1, 0.0_qp, &
           real(form%panel(panel + 1)%middle, qp) - here%middle, middle(1), middle(2))
       moved = matmul(here%d_matrix, free)
       call tally%near(moved(1), real(middle(1), wp), 16*eps, "d from middle to middle")
@@ -228,8 +232,8 @@ contains
           call tally%equal(locate_panel(form, form%edge(panel)), panel, "panel at its edge")
           call tally%equal(locate_panel(form, nearest(form%edge(panel + 1), -1.0_wp)), panel, &
               "panel just before its end")
-          call tally%below(scene%table%knot(form%piece(panel)), form%edge(panel), "piece begins")
-          call tally%below(form%edge(panel + 1), scene%table%knot(form%piece(panel) + 1), &
+          call tally%below(scene%flank%knot(form%piece(panel)), form%edge(panel), "piece begins")
+          call tally%below(form%edge(panel + 1), scene%flank%knot(form%piece(panel) + 1), &
               "piece ends")
         end do
         call tally%equal(locate_panel(form, form%period), form%n, "panel at the period's end")

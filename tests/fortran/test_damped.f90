@@ -3,7 +3,7 @@
 program test_damped
   use, intrinsic :: iso_fortran_env, only: qp => real128
   use assertions, only: tally_t
-  use lapwing_flow_exact_oscillation, only: damped_t, damped, free_motion, free_matrix, &
+  use lapwing_system_oscillation, only: damped_t, damped, free_motion, free_matrix, &
       near_matrix, taylor_row, n_taylor
   use lapwing_kinds, only: wp
   implicit none

@@ -4,7 +4,10 @@ program test_deviations
   use assertions, only: tally_t
   use lapwing_codes, only: separation, engagement, law_absolute, law_relative, law_compliant, &
       status_ok
-  use lapwing_flow_exact_oscillation, only: damped, free_matrix
+  use lapwing_system_oscillation, only: damped, free_matrix
+  use lapwing_contact_compliant, only: compliant_t
+  use lapwing_contact_impact, only: relative_impact_t
+  use lapwing_flank_fixed, only: fixed_flank_t
   use lapwing_flow, only: work_t
   use lapwing_flow_rk4_rk4_flow, only: rk4_flow_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
@@ -82,6 +85,7 @@ contains
     type(forced_mass_t) :: mass
     type(deviations_t) :: found
     real(wp) :: m(max_states, 2), expected(2, 2)
+    allocate (fixed_flank_t :: gear%path)
     gear%damping = 0.3_wp
     found = deviations_of(gear)
     m = reshape([1, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0], shape(m))
@@ -104,7 +108,7 @@ contains
     masses%mass = [1.0_wp, 2.5_wp]
     masses%stiffness = [0.4_wp, 1.3_wp]
     masses%coupling = 0.7_wp
-    masses%restitution = 0.8_wp
+    masses%law = relative_impact_t(restitution=0.8_wp)
     masses%wall(1) = 0.1_wp
     masses%period = 5
     call compare(masses, [-1.0_wp, 0.2_wp, 0.7_wp, -0.1_wp], 1, "two masses, one impact")
@@ -112,7 +116,7 @@ contains
     call compare(masses, [-1.0_wp, 0.2_wp, 0.7_wp, -0.1_wp], 3, "two masses, impacts")
     masses%damper = 0.3_wp
     call compare(masses, [-1.0_wp, 0.2_wp, 0.7_wp, -0.1_wp], -1, "two masses, a damper between")
-    masses%compliant = .true.
+    masses%law = compliant_t()
     masses%wall_stiffness = 50
     call compare(masses, [-1.0_wp, 0.2_wp, 0.7_wp, -0.1_wp], 0, "two masses, a wall that yields")
   end subroutine test_two_masses

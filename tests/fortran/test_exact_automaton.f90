@@ -167,13 +167,13 @@ contains
     type(hybrid_state_t), intent(out) :: state       !! start
     real(wp) :: phase
     phase = uniform(0.0_wp, 1.0_wp)
-    if (system%rigid .or. chance(0.2_wp)) then
+    if (system%law%is_rigid() .or. chance(0.2_wp)) then
       if (system%force > 0) then
         state%instant = start_at_rest(system, phase)
         return
       end if
     end if
-    if (chance(0.6_wp) .or. system%rigid) then
+    if (chance(0.6_wp) .or. system%law%is_rigid()) then
       ! A standing coast flank may be nearer by the largest g; stay clear of it.
       state%instant = start_from(system, phase, separation, -0.01_wp*system%width, &
           uniform(-1.0_wp, 1.0_wp))
@@ -235,9 +235,9 @@ contains
     integer :: i
     call tally%is_true(segment%length >= 0, "time goes on")
     ends = segment%begin%t + segment%length
-    do i = 1, system%table%n + 1
-      if (.not. system%table%kink(i) .or. system%table%knot(i) <= segment%begin%t) cycle
-      call tally%below(ends, system%table%knot(i) + 2*spacing(system%period), "kink passed over")
+    do i = 1, system%path%n + 1
+      if (.not. system%path%kink(i) .or. system%path%knot(i) <= segment%begin%t) cycle
+      call tally%below(ends, system%path%knot(i) + 2*spacing(system%period), "kink passed over")
     end do
     call tally%below(ends, system%period + 2*spacing(system%period), "cycle passed over")
     call system%observe(state%instant, phi, phi_dot)

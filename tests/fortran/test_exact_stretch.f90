@@ -3,14 +3,16 @@
 program test_exact_stretch
   use assertions, only: tally_t
   use exact_reference, only: qp, seed, uniform, chance, pick, random_scene, slow_scene, &
-      table_scene, series_scene, quad_flow, amplification
+      table_scene, series_scene, quad_flow, amplification, largest_term, &
+      scene_at_rest
   use lapwing_codes, only: no_flank, drive_flank, coast_flank
   use lapwing_flow_exact_contact, only: contact_end
   use lapwing_flow_exact_flight, only: end_t, flight_end, bounce, least_width
   use lapwing_flow_exact_extrema, only: farthest, next_turn
   use lapwing_kinds, only: wp
-  use lapwing_flow_exact_motion, only: scene_t, curve_t, launch, expand_launch, expand_fully
-  use lapwing_flank_table, only: locate_piece
+  use lapwing_flow_exact_curve, only: scene_t, curve_t, begin_curve, expand_start, expand_fully, &
+      is_smooth
+  use lapwing_flank, only: locate_piece
   implicit none
 
   type(tally_t) :: tally
@@ -41,8 +43,7 @@ contains
           *(abs(curve%x) + abs(curve%v) + abs(scene%force) + amplification(scene))
       return
     end if
-    bend = 1
-    if (.not. scene%form%harmonic) bend = 1 + maxval(abs(scene%table%coefficient(2:5, :)))
+    bend = 1 + largest_term(scene, 2)
     rounding = eps*(40*(abs(curve%x) + abs(curve%v) + 5)*(1 + s)**2 &
         + (200 + 10*scene%form%n)*(bend + amplification(scene)))
   end function rounding
@@ -59,8 +60,8 @@ contains
     do
       begin = curve%t + at
       finish = curve%t + s
-      if (piece < scene%table%n) finish = min(finish, real(scene%table%knot(piece + 1), qp))
-      call quad_flow(scene, curve%contact, curve%moving, piece, begin, &
+      if (piece < scene%flank%n) finish = min(finish, real(scene%flank%knot(piece + 1), qp))
+      call quad_flow(scene, curve%contact, piece, begin, &
           max(finish - begin, 0.0_qp), x, v)
       at = finish - curve%t
       if (finish >= curve%t + s) exit
@@ -109,21 +110,25 @@ contains
   real(wp) function longest(scene, curve)
     type(scene_t), intent(in) :: scene       !! scene
     type(curve_t), intent(in) :: curve       !! stretch
-    longest = scene%table%knot(scene%table%next_kink(curve%piece)) - curve%t
+    longest = scene%flank%knot(scene%flank%next_kink(curve%piece)) - curve%t
   end function longest
 
   !> Begin in flight or contact.
   subroutine begin(scene, contact, x, v, curve)
-    type(scene_t), intent(in) :: scene       !! scene
+    type(scene_t), intent(inout) :: scene    !! scene, sometimes then seen from a flank that stands
     logical, intent(in) :: contact           !! which of the two
     real(wp), intent(in) :: x, v             !! position and velocity
     type(curve_t), intent(out) :: curve      !! stretch
     real(wp) :: t
     integer :: piece
     t = uniform(0.0_wp, scene%form%period)
-    piece = locate_piece(scene%table, t, 1)
-    if (chance(0.2_wp)) t = scene%table%knot(piece)
-    call launch(scene, contact, chance(0.9_wp), t, piece, x, v, curve)
+    piece = locate_piece(scene%flank, t, 1)
+    if (chance(0.2_wp)) t = scene%flank%knot(piece)
+    if (.not. chance(0.9_wp)) then
+      scene = scene_at_rest(scene)
+      piece = 1
+    end if
+    call begin_curve(scene, contact, t, piece, x, v, curve)
   end subroutine begin
 
   subroutine test_flights()
@@ -225,7 +230,7 @@ contains
         v = sign*size*10.0_wp**uniform(-9.0_wp, 0.3_wp)
       end if
       call begin(scene, .true., x, v, curve)
-      stop = min(longest(scene, curve), scene%table%knot(curve%piece + 1) - curve%t)
+      stop = min(longest(scene, curve), scene%flank%knot(curve%piece + 1) - curve%t)
       if (chance(0.3_wp)) stop = stop*uniform(0.0_wp, 1.0_wp)
       told = curve
       call contact_end(scene, told, flank, touching, stop, at)
@@ -291,14 +296,14 @@ contains
     coefficients(1, 2) = -1/0.7_wp
     scene = table_scene([0.0_wp, 0.3_wp, 1.0_wp], coefficients, [.true., .true.], 2.0_wp, 0.1_wp, &
         0.0_wp)
-    call launch(scene, .false., .true., 0.1_wp, 1, -0.5_wp, 0.2_wp, curve)
-    stop = scene%table%knot(2) - 0.1_wp
+    call begin_curve(scene, .false., 0.1_wp, 1, -0.5_wp, 0.2_wp, curve)
+    stop = scene%flank%knot(2) - 0.1_wp
     call flight_end(scene, curve, [0.0_wp, -9.0_wp], no_flank, stop, at)
     call tally%equal(at%flank, no_flank, "flight up to a kink")
     call tally%near(at%s, stop, 0.0_wp, "its duration")
     call tally%near(at%x, -0.5_wp + 0.2_wp*stop, 4*eps, "its position there")
     call tally%near(at%v, 0.2_wp, 4*eps, "its velocity before the kink")
-    call launch(scene, .true., .true., 0.1_wp, 1, 5.0_wp, 0.0_wp, curve)
+    call begin_curve(scene, .true., 0.1_wp, 1, 5.0_wp, 0.0_wp, curve)
     told = curve
     call contact_end(scene, told, drive_flank, .false., stop, at)
     call tally%equal(at%flank, no_flank, "contact up to a kink")
@@ -320,7 +325,7 @@ contains
       speed = uniform(0.2_wp, 3.0_wp)
       stop = uniform(0.1_wp, 2.0_wp)
       do k = -1, 1
-        call launch(scene, .false., .true., 0.25_wp, 1, -speed*stop, speed, curve)
+        call begin_curve(scene, .false., 0.25_wp, 1, -speed*stop, speed, curve)
         call flight_end(scene, curve, [0.0_wp, -1.0e3_wp], no_flank, stop*(1 + k*1.0e-9_wp), at)
         if (k /= 0) call tally%equal(at%flank, merge(drive_flank, no_flank, k == 1), &
             "a wall near the stop")
@@ -349,15 +354,15 @@ contains
       wall = uniform(0.1_wp, 2.0_wp)
       x = -wall*uniform(0.1_wp, 0.9_wp)
       v = uniform(-1.0_wp, 1.0_wp)
-      call launch(scene, .false., .true., t, 1, x, v, curve)
+      call begin_curve(scene, .false., t, 1, x, v, curve)
       call flight_end(scene, curve, [0.0_wp, -wall], no_flank, 9.1_wp - t, at)
-      call launch(mirrored, .false., .true., t, 1, -x, -v, curve)
+      call begin_curve(mirrored, .false., t, 1, -x, -v, curve)
       call flight_end(mirrored, curve, [wall, 0.0_wp], no_flank, 9.1_wp - t, other)
       call tally%equal(other%flank, merge(0, 3 - at%flank, at%flank == 0), "flight, mirrored")
       call check_mirrored(at, other)
-      call launch(scene, .true., .true., t, 1, -x, v, curve)
+      call begin_curve(scene, .true., t, 1, -x, v, curve)
       call contact_end(scene, curve, drive_flank, .false., 9.1_wp - t, at)
-      call launch(mirrored, .true., .true., t, 1, x, -v, curve)
+      call begin_curve(mirrored, .true., t, 1, x, -v, curve)
       call contact_end(mirrored, curve, coast_flank, .false., 9.1_wp - t, other)
       call tally%equal(other%flank, merge(0, 3 - at%flank, at%flank == 0), "contact, mirrored")
       call check_mirrored(at, other)
@@ -384,20 +389,20 @@ contains
     do i = 1, n_stretches
       call random_scene(mod(i, 2) == 0, 0.0_wp, scene)
       t = uniform(0.0_wp, 0.95_wp)*scene%form%period
-      piece = locate_piece(scene%table, t, 1)
+      piece = locate_piece(scene%flank, t, 1)
       touching = merge(drive_flank, coast_flank, chance(0.5_wp))
       speed = 10.0_wp**uniform(-14.0_wp, -2.0_wp)
-      call launch(scene, .false., .true., t, piece, 0.0_wp, merge(-speed, speed, &
+      call begin_curve(scene, .false., t, piece, 0.0_wp, merge(-speed, speed, &
           touching == drive_flank), curve)
-      call expand_launch(scene, curve)
+      call expand_start(scene, curve)
       call bounce(curve, merge([0.0_wp, -1.0_wp], [1.0_wp, 0.0_wp], touching == drive_flank), &
-          touching, scene%table%knot(piece + 1) - t, found, at)
+          touching, scene%flank%knot(piece + 1) - t, found, at)
       if (.not. found) cycle
       hits = hits + 1
       call tally%equal(at%flank, touching, "back at the flank it left")
       x = 0
       v = curve%v
-      call quad_flow(scene, .false., .true., piece, real(t, qp), real(at%s, qp), x, v)
+      call quad_flow(scene, .false., piece, real(t, qp), real(at%s, qp), x, v)
       ! t - knot rounds by EPS P, the pull by that times its rate: relative to the pull itself.
       pull = abs(2*curve%taylor(2))
       call tally%near(at%v, real(v, wp), speed*eps*(16 + 16*size_of_pull(scene)/pull), &
@@ -412,7 +417,7 @@ contains
   real(wp) function size_of_pull(scene)
     type(scene_t), intent(in) :: scene       !! scene
     size_of_pull = abs(scene%force) + 40
-    if (.not. scene%form%harmonic) size_of_pull = abs(scene%force) &
-        + maxval(abs(scene%table%coefficient(2:5, :)))*20*(1 + scene%form%period)**4
+    if (.not. is_smooth(scene%flank)) size_of_pull = abs(scene%force) &
+        + largest_term(scene, 2)*20*(1 + scene%form%period)**4
   end function size_of_pull
 end program test_exact_stretch

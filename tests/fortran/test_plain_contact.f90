@@ -11,7 +11,7 @@ program test_plain_contact
   use lapwing_flow, only: work_t
   use lapwing_flow_rk4_crossing, only: crossing_t, find_crossing
   use lapwing_flow_rk4_rk4_flow, only: rk4_flow_t
-  use lapwing_system_frames, only: open_in_contact, flank_in_frame, flank_over_step
+  use lapwing_system_frames, only: flank_in_frame, flank_over_step
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_kinds, only: wp
   use lapwing_system_oscillator, only: oscillator_t
@@ -74,11 +74,11 @@ contains
       system = random_oscillator(law_compliant)
       instant%motion_state = engagement
       instant%t = uniform(0.0_wp, 0.9_wp)*system%period
-      call open_in_contact(system%table, system%width, instant, frame)
+      call system%open_frame(instant, frame)
       h = uniform(0.0_wp, 1.0_wp)*frame%stop
-      call flank_over_step(system%table, frame, h, position, slope)
+      call flank_over_step(system%path, frame, h, position, slope)
       do k = 1, 4
-        call flank_in_frame(system%table, frame, k*(0.25_wp*h), one_position, one_slope)
+        call flank_in_frame(system%path, frame, k*(0.25_wp*h), one_position, one_slope)
         call tally%near(position(k), one_position, 1.0e-14_wp, "position at a quarter")
         call tally%near(slope(k), one_slope, 1.0e-13_wp, "slope at a quarter")
       end do

@@ -179,7 +179,7 @@ contains
     call tally%is_true(same_bytes(z_end(1:2), z_move(1:2)), "rk4_move ends as rk4_step")
   end subroutine test_move_is_step
 
-  !> `stages_by_dispatch` and the gear's own stages: the same to rounding in every motion state, in
+  !> The formula and the gear's own stages: the same to rounding in every motion state, in
   !> steps inside a piece and over several.
   subroutine test_dispatch()
     type(oscillator_t) :: gear

@@ -3,13 +3,13 @@
 program test_smooth_curve
   use assertions, only: tally_t
   use exact_reference, only: qp, seed, uniform, chance, random_scene, quad_flow, &
-      quad_acceleration, amplification
-  use lapwing_flow_exact_response, only: locate_panel
+      quad_acceleration, amplification, largest_term, scene_at_rest
   use lapwing_kinds, only: wp
   use lapwing_polynomial_evaluation, only: max_degree
-  use lapwing_flow_exact_motion, only: scene_t, curve_t, launch, expand_launch, expand_fully, &
-      curve_at, curve_taylor, acceleration_at
-  use lapwing_flank_table, only: locate_piece
+  use lapwing_flank, only: locate_piece
+  use lapwing_flow_exact_curve, only: scene_t, curve_t, begin_curve, expand_start, expand_fully
+  use lapwing_flow_exact_motion, only: curve_at, curve_taylor, acceleration_at
+  use lapwing_flow_exact_panels, only: locate_panel
   implicit none
 
   type(tally_t) :: tally
@@ -37,12 +37,16 @@ contains
     moving = mod(number/4, 4) /= 0
     t = uniform(0.0_wp, scene%form%period)
     if (chance(0.1_wp)) t = 0
-    piece = locate_piece(scene%table, t, 1)
-    if (chance(0.2_wp)) t = scene%table%knot(piece)
-    call launch(scene, contact, moving, t, piece, uniform(-2.0_wp, 2.0_wp), &
+    piece = locate_piece(scene%flank, t, 1)
+    if (chance(0.2_wp)) t = scene%flank%knot(piece)
+    if (.not. moving) then
+      scene = scene_at_rest(scene)
+      piece = 1
+    end if
+    call begin_curve(scene, contact, t, piece, uniform(-2.0_wp, 2.0_wp), &
         uniform(-2.0_wp, 2.0_wp), curve)
     if (chance(0.5_wp)) then
-      call expand_launch(scene, curve)
+      call expand_start(scene, curve)
     else
       call expand_fully(scene, curve)
     end if
@@ -63,20 +67,20 @@ contains
     piece = curve%piece
     ends = real(curve%t, qp) + s
     do
-      if (ends <= scene%table%knot(piece + 1) .or. piece == scene%table%n) exit
-      call quad_flow(scene, curve%contact, curve%moving, piece, t, &
-          scene%table%knot(piece + 1) - t, x, v)
-      t = scene%table%knot(piece + 1)
+      if (ends <= scene%flank%knot(piece + 1) .or. piece == scene%flank%n) exit
+      call quad_flow(scene, curve%contact, piece, t, &
+          scene%flank%knot(piece + 1) - t, x, v)
+      t = scene%flank%knot(piece + 1)
       piece = piece + 1
     end do
-    call quad_flow(scene, curve%contact, curve%moving, piece, t, ends - t, x, v)
+    call quad_flow(scene, curve%contact, piece, t, ends - t, x, v)
   end subroutine follow
 
   !> Time from a stretch's beginning to the next kink or the end of the cycle.
   real(wp) function longest(scene, curve)
     type(scene_t), intent(in) :: scene       !! scene
     type(curve_t), intent(in) :: curve       !! stretch
-    longest = scene%table%knot(scene%table%next_kink(curve%piece)) - curve%t
+    longest = scene%flank%knot(scene%flank%next_kink(curve%piece)) - curve%t
   end function longest
 
   !> Rounding of a sum of response, free oscillation and force, or of a parabola and g.
@@ -85,8 +89,7 @@ contains
     type(curve_t), intent(in) :: curve       !! stretch
     real(wp), intent(in) :: s                !! time
     real(wp) :: bend
-    bend = 1
-    if (.not. scene%form%harmonic) bend = 1 + maxval(abs(scene%table%coefficient(2:5, :)))
+    bend = 1 + largest_term(scene, 2)
     rounding = eps*(40*(abs(curve%x) + abs(curve%v) + 5)*(1 + abs(s))**2 &
         + (200 + 10*scene%form%n)*(bend + amplification(scene)))
   end function rounding
@@ -121,7 +124,7 @@ contains
         if (s <= curve%near) near = near + 1
         if (s > curve%near) far = far + 1
         if (s >= longest(scene, curve)) cycle
-        a = quad_acceleration(scene, curve%contact, curve%moving, scene%form%piece(panel), &
+        a = quad_acceleration(scene, curve%contact, scene%form%piece(panel), &
             real(curve%t, qp) + s, exact(1), exact(2))
         call tally%near(acceleration_at(scene, curve, panel, s, x, v), real(a, wp), &
             8*allowed, "acceleration")
@@ -151,20 +154,19 @@ contains
     do i = 1, n_curves
       call random_scene(mod(i, 2) == 0, 0.5_wp, scene)
       t = uniform(0.0_wp, 0.99_wp)*scene%form%period
-      piece = locate_piece(scene%table, t, 1)
+      piece = locate_piece(scene%flank, t, 1)
       s = 10.0_wp**uniform(-12.0_wp, -3.0_wp)
-      if (t + s > scene%table%knot(piece + 1)) cycle
-      call launch(scene, mod(i/2, 2) == 0, .true., t, piece, 0.0_wp, s*uniform(-2.0_wp, 2.0_wp), &
+      if (t + s > scene%flank%knot(piece + 1)) cycle
+      call begin_curve(scene, mod(i/2, 2) == 0, t, piece, 0.0_wp, s*uniform(-2.0_wp, 2.0_wp), &
           curve)
       call expand_fully(scene, curve)
       call curve_at(scene, curve, locate_panel(scene%form, t + s), s, x, v)
       exact = [0.0_qp, real(curve%v, qp)]
-      call quad_flow(scene, curve%contact, .true., piece, real(t, qp), real(s, qp), exact(1), &
+      call quad_flow(scene, curve%contact, piece, real(t, qp), real(s, qp), exact(1), &
           exact(2))
       ! t - knot rounds by EPS P, and so does the pull by that times its rate.
       pull = abs(scene%force) + 60*(1 + abs(scene%force))
-      if (.not. scene%form%harmonic) pull = pull + maxval(abs(scene%table%coefficient(2:5, :))) &
-          *(1 + scene%form%period)**3
+      pull = pull + largest_term(scene, 2)*(1 + scene%form%period)**3
       call tally%near(x, real(exact(1), wp), 16*eps*(abs(curve%v) + pull*s)*s, "small excursion")
       call tally%near(v, real(exact(2), wp), 16*eps*(abs(curve%v) + pull*s), "its velocity")
     end do
@@ -200,7 +202,7 @@ contains
         h = 0.25_wp*j*width
         x = c(0)
         v = c(1)
-        call quad_flow(scene, curve%contact, curve%moving, scene%form%piece(panel), &
+        call quad_flow(scene, curve%contact, scene%form%piece(panel), &
             real(curve%t, qp) + s, real(h, qp), x, v)
         value = 0
         do k = max_degree, 0, -1

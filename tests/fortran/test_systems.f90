@@ -19,8 +19,7 @@ module test_systems
     real(wp) :: size(max_states) = 1            !! natural sizes
   contains
     procedure :: open_frame, next_piece, gap, contact, commit
-    procedure :: rebound, sums_chatter
-    procedure :: launch, pass_knot, scales, observe
+    procedure :: place_at_flank, pass_knot, scales, observe
     procedure :: derivatives => still, pressing => no_pressing
   end type plain_system_t
 
@@ -78,7 +77,7 @@ module test_systems
   !> The gear, its flights searched on every piece of the table.
   type, extends(oscillator_t) :: thorough_t
   contains
-    procedure :: leap => leap_nowhere
+    procedure :: skip_ahead => skip_nothing
   end type thorough_t
 
   !> The gear, looked at as if it knew nothing to save work by at the beginning of an arc or after
@@ -121,14 +120,14 @@ contains
     clear = .false.
   end function never
 
-  pure subroutine leap_nowhere(self, motion, frame, touching, clear)
+  pure subroutine skip_nothing(self, motion, frame, touching, clear)
     class(thorough_t), intent(in) :: self
     type(motion_t), intent(in) :: motion
     type(frame_t), intent(inout) :: frame
     integer, intent(inout) :: touching
     logical, intent(out) :: clear
     clear = .false.
-  end subroutine leap_nowhere
+  end subroutine skip_nothing
 
   pure subroutine open_frame(self, instant, frame)
     class(plain_system_t), intent(in) :: self
@@ -192,27 +191,13 @@ contains
     y(1:self%n_states) = z(1:self%n_states)
   end subroutine commit
 
-  pure real(wp) function rebound(self, flank, flank_velocity, approach)
-    class(plain_system_t), intent(in) :: self
-    integer, intent(in) :: flank
-    real(wp), intent(in) :: flank_velocity
-    real(wp), intent(in) :: approach
-    rebound = -self%restitution*approach
-  end function rebound
-
-  pure logical function sums_chatter(self, flank)
-    class(plain_system_t), intent(in) :: self
-    integer, intent(in) :: flank
-    sums_chatter = .true.
-  end function sums_chatter
-
-  pure subroutine launch(self, flank, approach, y)
+  pure subroutine place_at_flank(self, flank, approach, y)
     class(plain_system_t), intent(in) :: self
     integer, intent(in) :: flank
     real(wp), intent(in) :: approach
     real(wp), intent(inout) :: y(max_states)
     y(1:2) = [self%wall(flank), merge(approach, -approach, flank == drive_flank)]
-  end subroutine launch
+  end subroutine place_at_flank
 
   pure subroutine pass_knot(self, knot, instant, is_kink, jump)
     class(plain_system_t), intent(in) :: self

@@ -5,8 +5,9 @@ module bodies_with_accounts
   use lapwing_codes, only: separation, drive_flank
   use lapwing_system_frames, only: flank_in_frame
   use lapwing_system_parameters, only: parameters_t
+  use lapwing_system_step, only: step_t
   use lapwing_system_torsional_chain, only: torsional_chain_t, make_torsional_chain
-  use lapwing_system, only: instant_t, frame_t, motion_t, step_t, max_states, stages_by_dispatch
+  use lapwing_system, only: instant_t, frame_t, motion_t, max_states
   implicit none
   private
   public :: bodies_t, accounts_t, set_torques, velocities, kinetic_energy, with_accounts
@@ -98,25 +99,26 @@ contains
     mesh = self%bodies%reduced*(self%force - rate(2))
     position = 0
     slope = 0
-    if (frame%chart == drive_flank .or. self%coast_moves) then
-      call flank_in_frame(self%table, frame, s, position, slope)
+    if (self%moves(frame%chart)) then
+      call flank_in_frame(self%path, frame, s, position, slope)
     end if
     rate(6) = -mesh*(frame%origin_rate + slope)
     rate(7) = self%bodies%reduced*self%damping*(z(2) - slope)**2
   end subroutine derivatives
 
-  subroutine stages(self, frame, motion_state, h, z, dense, step)
+  !> Left to the formula, which integrates the accounts too.
+  subroutine stages(self, frame, motion_state, h, z, step, done)
     class(accounts_t), intent(in) :: self
     type(frame_t), intent(in) :: frame
     integer, intent(in) :: motion_state
     real(wp), intent(in) :: h
     real(wp), intent(in) :: z(max_states)
-    logical, intent(in) :: dense
     type(step_t), intent(inout) :: step
-    call stages_by_dispatch(self, frame, motion_state, h, z, dense, step)
+    logical, intent(out) :: done
+    done = .false.
   end subroutine stages
 
-  !> Looked at piece by piece: the stages by dispatch do not tell where the flank is at the end.
+  !> Looked at piece by piece: the formula does not tell where the flank is at the end.
   pure subroutine stay(self, frame, begin, motion, z_end, y, stays)
     class(accounts_t), intent(in) :: self
     type(frame_t), intent(in) :: frame
@@ -289,7 +291,7 @@ contains
           4*segments*epsilon(tau)*abs(p%mean_acceleration)*tau**2, "Theta")
     end do
     call tally%is_true(impacts > 20, "impacts on the way")
-    call chain%flank_motion(state%instant%t, state%instant%piece, g, slope)
+    call chain%path%motion(state%instant%t, state%instant%piece, g, slope)
     each = velocities(bodies, state%instant%y(2) + slope, state%instant%y(4))
     associate (j => bodies%inertia)
       call tally%near(bodies%ratio*j(1)*each(1) + j(2)*each(2), &
@@ -322,7 +324,7 @@ contains
       if (segment%events(1)%kind /= event_impact) cycle
       impacts = impacts + 1
       associate (event => segment%events(1), j => bodies%inertia)
-        call chain%flank_motion(event%t, state%instant%piece, g, slope)
+        call chain%path%motion(event%t, state%instant%piece, g, slope)
         relative = [event%before, event%after] + slope
         before = velocities(bodies, relative(1), &
             begin%instant%y(4) + p%mean_acceleration*segment%length)
@@ -422,8 +424,8 @@ contains
     integer, intent(in) :: flank                   !! flank
     real(wp) :: g
     speed = 0
-    if (flank == coast_flank .and. .not. chain%coast_moves) return
-    call chain%flank_motion(state%instant%t, state%instant%piece, g, speed)
+    if (.not. chain%moves(flank)) return
+    call chain%path%motion(state%instant%t, state%instant%piece, g, speed)
   end function speed
 
   !> Of the bodies and of the spring.

@@ -3,8 +3,8 @@ program test_transmission_error
   use assertions, only: tally_t
   use lapwing_kinds, only: wp
   use lapwing_polynomial_evaluation, only: horner, horner_slope
-  use lapwing_flank_table, only: te_table_t, make_table, locate_piece, piece_at, expand_at, &
-      flank_motion_at
+  use lapwing_flank, only: locate_piece, piece_at
+  use lapwing_flank_table, only: te_table_t, make_table, expand_at
   implicit none
 
   real(wp), parameter :: knots(4) = [0.0_wp, 0.25_wp, 0.5_wp, 1.0_wp]
@@ -45,7 +45,7 @@ contains
     call tally%below(maxval(abs(table%coefficient(:, 1) &
         - scale*[1.0_wp, 1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp, -1.0_wp])), 0.0_wp, "coefficients")
     ! First piece in t: 1 + t - t**2 + t**3 + t**4 - t**5 at 1/4, all times the scale.
-    call flank_motion_at(table, 0.25_wp, 3, g, slope)
+    call table%motion(0.25_wp, 3, g, slope)
     call tally%near(g, scale*1235.0_wp/1024, 0.0_wp, "flank position")
     call tally%near(slope, scale*187.0_wp/256, 0.0_wp, "flank velocity")
   end subroutine test_scaling
@@ -62,11 +62,11 @@ contains
       t = 0.01_wp*i
       piece = locate_piece(table, t, 1)
       call expand_at(table, piece, t, local)
-      call flank_motion_at(table, t, 1, g, slope)
+      call table%motion(t, 1, g, slope)
       call tally%near(local(0), g, rounding, "expansion: value")
       call tally%near(local(1), slope, rounding, "expansion: slope")
       x = 0.6_wp*(table%knot(piece + 1) - t)
-      call flank_motion_at(table, t + x, piece, g, slope)
+      call table%motion(t + x, piece, g, slope)
       call tally%near(horner(local, x), g, rounding, "expansion: value further on")
       call tally%near(horner_slope(local, x), slope, rounding, "expansion: slope further on")
     end do

@@ -6,6 +6,8 @@ program test_two_masses
   use lapwing_hybrid_automaton, only: advance
   use lapwing_codes, only: engagement, event_impact, event_engage, event_release, &
       event_chatter_end, status_ok
+  use lapwing_contact_compliant, only: compliant_t
+  use lapwing_contact_impact, only: relative_impact_t
   use lapwing_flow, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t, event_t
   use lapwing_kinds, only: wp
@@ -95,7 +97,7 @@ contains
     real(wp) :: y(4), time, s, worst
     integer :: i, k
     masses%coupling = coupling
-    masses%restitution = eps
+    masses%law = relative_impact_t(restitution=eps)
     masses%n_states = 4
     masses%n_flanks = 1
     masses%period = 5
@@ -148,7 +150,7 @@ contains
     masses%mass = [1.0_wp, 2.5_wp]
     masses%stiffness = [0.4_wp, 1.3_wp]
     masses%wall(1) = 0.1_wp
-    masses%restitution = 0.8_wp
+    masses%law = relative_impact_t(restitution=0.8_wp)
     masses%period = 5
     state%instant%y(1:4) = [-1.0_wp, 0.2_wp, 0.7_wp, -0.1_wp]
     left = energy(masses, state%instant%y)
@@ -180,7 +182,7 @@ contains
     integer :: i
     masses%n_states = 4
     masses%n_flanks = 1
-    masses%compliant = .true.
+    masses%law = compliant_t()
     masses%wall_stiffness = 50
     masses%period = 5
     state%instant%y(1:4) = [-1.0_wp, 0.2_wp, 0.7_wp, -0.1_wp]
@@ -211,7 +213,7 @@ contains
     masses%n_states = 4
     masses%n_flanks = 1
     masses%wall(1) = -0.5_wp
-    masses%restitution = 0.3_wp
+    masses%law = relative_impact_t(restitution=0.3_wp)
     masses%wall_stiffness = 50
     masses%period = 5
     state%instant%y(1:4) = [-0.6_wp, 0.0_wp, 0.8_wp, 1.0_wp]

@@ -6,15 +6,15 @@
 module lapwing_flow_exact_contact
   use lapwing_kinds, only: wp
   use lapwing_codes, only: drive_flank
-  use lapwing_flow_exact_response, only: locate_panel, free_size, launch_order, reach
-  use lapwing_flow_exact_oscillation, only: free_motion, free_state, n_taylor
+  use lapwing_flow_exact_curve, only: scene_t, curve_t, begin_curve, expand_start, expand_fully, &
+      is_smooth
+  use lapwing_system_oscillation, only: free_motion, free_state, n_taylor
   use lapwing_flow_exact_flight, only: end_t
-  use lapwing_flow_exact_root_search, only: target_t, first_meeting, quick_return, only_zero
-  use lapwing_flow_exact_panel_series, only: free_in_middle, contact_series
+  use lapwing_flow_exact_root_search, only: target_t, first_crossing, quick_return, only_zero
+  use lapwing_flow_exact_motion, only: curve_at, rest_after, free_in_middle, contact_series
+  use lapwing_flow_exact_panels, only: locate_panel, free_size, start_order, reach
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, bernstein_on, least
-  use lapwing_flow_exact_slow_contact, only: slow_meeting
-  use lapwing_flow_exact_motion, only: scene_t, curve_t, launch, expand_launch, expand_fully, &
-      curve_at, rest_after
+  use lapwing_flow_exact_slow_contact, only: slow_crossing
   implicit none
   private
   public :: contact_end
@@ -46,9 +46,9 @@ contains
       call graded_contact_end(scene, curve, goal, flank, stop, at)
       return
     end if
-    if (.not. stays(scene, curve%moving, goal%sign, curve%free)) then
+    if (.not. stays(scene, goal%sign, curve%free)) then
       if (touching) then
-        call expand_launch(scene, curve)
+        call expand_start(scene, curve)
         call short_contact(curve, goal%sign, stop, found, s)
       end if
       if (found) then
@@ -83,7 +83,7 @@ contains
     integer :: panel
     logical :: found, surely
     surely = .false.
-    if (scene%form%harmonic) surely = stays(scene, curve%moving, goal%sign, curve%free)
+    if (is_smooth(scene%flank)) surely = stays(scene, goal%sign, curve%free)
     panel = last_panel(scene, curve%t + stop)
     at%s = stop
     if (.not. surely) then
@@ -91,7 +91,7 @@ contains
       found = .false.
       if (goal%touching) call short_contact(curve, goal%sign, stop, found, at%s)
       panel = locate_panel(scene%form, curve%t)
-      if (.not. found) call slow_meeting(scene, curve, goal, 0.0_wp, stop, panel, found, at%s)
+      if (.not. found) call slow_crossing(scene, curve, goal, 0.0_wp, stop, panel, found, at%s)
       if (found) at%flank = flank
     end if
     call curve_at(scene, curve, panel, at%s, at%x, at%v)
@@ -130,21 +130,21 @@ contains
     s = 0
     x = 0
     v = 0
-    if (scene%form%harmonic .or. .not. curve%moving) return
+    if (scene%flank%n == 1) return
     do
       piece = curve%piece + 1
-      knot = scene%table%knot(piece) - curve%t
-      if (elapsed + knot >= reach(launch_order)/scene%form%fastest .or. knot >= last) return
-      if (piece > scene%table%n) return
+      knot = scene%flank%knot(piece) - curve%t
+      if (elapsed + knot >= reach(start_order)/scene%form%fastest .or. knot >= last) return
+      if (piece > scene%flank%n) return
       call expand_fully(scene, curve)
-      call first_meeting(scene, curve, locate_panel(scene%form, curve%t), .false., goal, 0.0_wp, &
+      call first_crossing(scene, curve, locate_panel(scene%form, curve%t), .false., goal, 0.0_wp, &
           knot, found, s, x, v)
       if (found) return
       x = horner(curve%taylor(:curve%degree), knot)
-      v = horner_slope(curve%taylor(:curve%degree), knot) - scene%table%slope_jump(piece)
+      v = horner_slope(curve%taylor(:curve%degree), knot) - scene%flank%slope_jump(piece)
       elapsed = elapsed + knot
       goal%touching = .false.
-      call launch(scene, .true., .true., scene%table%knot(piece), piece, x, v, curve)
+      call begin_curve(scene, .true., scene%flank%knot(piece), piece, x, v, curve)
       call expand_fully(scene, curve)
       last = at_edge(scene, curve%t, stop - elapsed)
     end do
@@ -160,14 +160,12 @@ contains
   end function last_panel
 
   !> Whether the free oscillation is too small to let the tooth off, now and for ever.
-  pure logical function stays(scene, moving, sign, free)
+  pure logical function stays(scene, sign, free)
     type(scene_t), intent(in) :: scene         !! scene
-    logical, intent(in) :: moving              !! whether the flank moves with g
     real(wp), intent(in) :: sign               !! +1 at the drive flank, -1 at the coast flank
     real(wp), intent(in) :: free(2)            !! d and d'
     real(wp) :: margin
-    margin = sign*scene%force
-    if (moving) margin = margin + merge(scene%form%q_low, -scene%form%q_high, sign > 0)
+    margin = sign*scene%force + merge(scene%form%q_low, -scene%form%q_high, sign > 0)
     stays = margin > 0 .and. free(1)**2 + free(2)**2 < margin**2
   end function stays
 
@@ -207,7 +205,7 @@ contains
       found = .false.
       do
         to = min(form%edge(panel + 1) - curve%t, stop)
-        call bound_contact(scene, curve%moving, goal%sign, panel, free, b, rest)
+        call bound_contact(scene, goal%sign, panel, free, b, rest)
         ! A panel's bound holds before the launch, too, where it may be no contact at all.
         out = least(b) > rest
         if (touching) out = leaves(scene, curve, panel, goal%sign, to)
@@ -217,12 +215,12 @@ contains
               panel - first, goal%sign, free, b, rest, to, settled, found, s, x, v)
           if (.not. settled) then
             call expand_fully(scene, curve)
-            call first_meeting(scene, curve, panel, from > 0, &
+            call first_crossing(scene, curve, panel, from > 0, &
                 target_t(goal%sign, goal%wall, touching), from, to, found, s, x, v)
           end if
         end if
         if (found .or. to >= stop .or. panel == form%n) return
-        if (stays(scene, curve%moving, goal%sign, free)) then
+        if (stays(scene, goal%sign, free)) then
           panel = 0
           return
         end if
@@ -231,7 +229,7 @@ contains
         touching = .false.
         panel = panel + 1
         if (scene%blocks%panels > 0) then
-          call pass_blocks(scene, curve%moving, goal%sign, size_before, panel, free)
+          call pass_blocks(scene, goal%sign, size_before, panel, free)
           ! What is passed may hold the stop.
           if (form%edge(panel) - curve%t >= stop .or. panel > form%n) then
             panel = 0
@@ -245,9 +243,8 @@ contains
 
   !> From a panel that begins a block past all blocks over which the free oscillation, which never
   !> grows, is too small to let the tooth off.
-  pure subroutine pass_blocks(scene, moving, sign, size_before, panel, free)
+  pure subroutine pass_blocks(scene, sign, size_before, panel, free)
     type(scene_t), intent(in) :: scene         !! scene
-    logical, intent(in) :: moving              !! whether the flank moves with g
     real(wp), intent(in) :: sign               !! +1 at the drive flank, -1 at the coast flank
     real(wp), intent(in) :: size_before        !! size of the free oscillation, earlier
     integer, intent(inout) :: panel            !! panel, then the one to be looked at next, or n + 1
@@ -256,8 +253,7 @@ contains
     associate (blocks => scene%blocks)
       do while (mod(panel - 1, blocks%panels) == 0 .and. panel <= scene%form%n)
         associate (block => blocks%over((panel - 1)/blocks%panels + 1))
-          margin = sign*scene%force
-          if (moving) margin = margin + merge(block%q_low, -block%q_high, sign > 0)
+          margin = sign*scene%force + merge(block%q_low, -block%q_high, sign > 0)
           if (size_before >= margin) return
           free = block%d_matrix(:, 1)*free(1) + block%d_matrix(:, 2)*free(2)
         end associate
@@ -267,22 +263,17 @@ contains
   end subroutine pass_blocks
 
   !> Bernstein coefficients of sign*x over a panel, and a bound of what they leave out.
-  pure subroutine bound_contact(scene, moving, sign, panel, free, b, rest)
+  pure subroutine bound_contact(scene, sign, panel, free, b, rest)
     type(scene_t), intent(in) :: scene         !! scene
-    logical, intent(in) :: moving              !! whether the flank moves with g
     real(wp), intent(in) :: sign               !! +1 at the drive flank, -1 at the coast flank
     integer, intent(in) :: panel               !! panel
     real(wp), intent(in) :: free(2)            !! d and d' in its middle
     real(wp), intent(out) :: b(0:max_degree)   !! coefficients
     real(wp), intent(out) :: rest              !! bound
     associate (here => scene%form%panel(panel))
-      b = scene%force + here%d_bernstein(:, 1)*free(1) + here%d_bernstein(:, 2)*free(2)
-      rest = here%d_rest*(abs(free(1)) + abs(free(2)))
-      if (moving) then
-        b = b + here%q_bernstein
-        rest = rest + here%q_rest
-      end if
-      b = sign*b
+      b = sign*(scene%force + here%d_bernstein(:, 1)*free(1) + here%d_bernstein(:, 2)*free(2) &
+          + here%q_bernstein)
+      rest = here%d_rest*(abs(free(1)) + abs(free(2))) + here%q_rest
     end associate
   end subroutine bound_contact
 
@@ -323,13 +314,13 @@ contains
       call free_motion(scene%form%damping, middle, d, e)
       state = free_state(scene%form%damping, curve%free, d, e)
     end if
-    call contact_series(scene, curve%moving, panel, state, c)
+    call contact_series(scene, panel, state, c)
     call only_zero(sign*c, scene%form%panel(panel)%half, b, rest, settled, s, v)
     s = middle + s
     x = 0
     v = sign*v
     ! So near to its beginning the arc's own series keeps more digits.
-    settled = settled .and. s > reach(launch_order)/scene%form%fastest
+    settled = settled .and. s > reach(start_order)/scene%form%fastest
     found = settled .and. s <= to
   end subroutine only_release
 end module lapwing_flow_exact_contact

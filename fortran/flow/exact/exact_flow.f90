@@ -2,17 +2,19 @@
 module lapwing_flow_exact_exact_flow
   use lapwing_kinds, only: wp
   use lapwing_codes, only: separation, no_flank, drive_flank, coast_flank, status_ok
-  use lapwing_flank_series, only: harmonic_series_t, derivative_series, bound_derivative
-  use lapwing_flank_table, only: lower_bound, locate_piece
+  use lapwing_flank, only: flank_t, locate_piece
+  use lapwing_flank_series, only: series_flank_t, make_series_flank, derivative_series
   use lapwing_flow, only: flow_t, arc_t, reached_t, work_t, step_memory_t, listener_t, &
       instant_on, at_stop
   use lapwing_flow_exact_contact, only: contact_end
   use lapwing_flow_exact_extrema, only: next_turn, farthest_of => farthest
   use lapwing_flow_exact_flight, only: end_t, flight_end, bounce, least_width
   use lapwing_flow_exact_interval_bounds, only: make_blocks
-  use lapwing_flow_exact_motion, only: scene_t, curve_t, launch, expand_launch, expand_fully, &
-      curve_at, flank_taylor, acceleration_at
-  use lapwing_flow_exact_response, only: make_closed_form, most_panels
+  use lapwing_flow_exact_curve, only: scene_t, curve_t, begin_curve, expand_start, expand_fully, &
+      is_smooth
+  use lapwing_flow_exact_motion, only: curve_at, acceleration_at
+  use lapwing_flow_exact_panels, only: most_panels
+  use lapwing_flow_exact_response, only: make_closed_form, make_form_at_rest
   use lapwing_flow_exact_slow_contact, only: panel_in_contact
   use lapwing_polynomial_evaluation, only: max_degree
   use lapwing_polynomial_roots, only: first_descent
@@ -23,9 +25,13 @@ module lapwing_flow_exact_exact_flow
   private
   public :: exact_flow_t, make_exact_flow
 
+  !> Scenes: seen from a flank that moves with g, from a coast flank that does not.
+  integer, parameter :: on_moving = 1, on_fixed = 2
+
   type, extends(flow_t) :: exact_flow_t
-    type(scene_t) :: scene                !! table or series, and what is computed beforehand
-    type(scene_t) :: push                 !! `rigid`, series: F - g'' as a motion of its own
+    type(scene_t) :: scene(on_moving:on_fixed)       !! seen from a flank
+    type(series_flank_t), allocatable :: curvature   !! rigid contact with a series: -g''
+    type(scene_t) :: push                 !! and F - g'' as a motion of its own
     real(wp) :: g_low = 0                 !! lower bound of g
     type(oscillator_t), pointer :: of => null()   !! the oscillator that moves
   contains
@@ -37,34 +43,41 @@ contains
   !> What an oscillator's motion needs in closed form.
   subroutine make_exact_flow(system, self, error)
     type(oscillator_t), intent(in), target :: system   !! oscillator, which must outlive the flow
-    type(exact_flow_t), intent(out) :: self            !! the flow
+    type(exact_flow_t), intent(out), target :: self    !! the flow
     integer, intent(out) :: error                      !! 0, or there is no memory for it
     self%takes_steps = .false.
     self%of => system
-    call make_scene(system, system%series, 0.5_wp*system%damping, self%scene, error)
-    if (error /= 0) return
-    self%scene%force = system%force
-    call make_blocks(self%scene%form, system%table, self%scene%blocks, error)
-    if (error /= 0) return
-    if (.not. system%harmonic) then
-      self%g_low = lower_bound(system%table)
-      return
+    self%g_low = system%path%lower_bound()
+    call make_scene(system%path, 0.5_wp*system%damping, system%period, self%scene(on_moving), error)
+    if (error == 0 .and. allocated(system%fixed)) then
+      associate (still => self%scene(on_fixed))
+        still%flank => system%fixed
+        call make_form_at_rest(self%scene(on_moving)%form, still%form, error)
+        if (error == 0) call make_blocks(still%form, system%fixed, still%blocks, error)
+      end associate
     end if
-    self%g_low = system%series%constant - bound_derivative(system%series, 0)
-    if (.not. system%rigid) return
-    call make_scene(system, derivative_series(system%series, 2), 0.5_wp, self%push, error)
-    self%push%force = 0
+    if (error /= 0) return
+    call change_force(self, system%force)
+    if (.not. system%law%is_rigid()) return
+    select type (path => system%path)
+    type is (series_flank_t)
+      allocate (self%curvature)
+      call make_series_flank(derivative_series(path%series, 2), system%period, self%curvature, &
+          error)
+      if (error == 0) call make_scene(self%curvature, 0.5_wp, system%period, self%push, error)
+      self%push%force = 0
+    end select
   end subroutine make_exact_flow
 
-  subroutine make_scene(system, series, xi, scene, error)
-    type(oscillator_t), intent(in), target :: system   !! oscillator
-    type(harmonic_series_t), intent(in) :: series      !! motion of the flank, if it is one
+  subroutine make_scene(flank, xi, period, scene, error)
+    class(flank_t), intent(in), target :: flank        !! motion of the flank
     real(wp), intent(in) :: xi                         !! damping ratio
-    type(scene_t), intent(out) :: scene                !! table or series, and its closed form
+    real(wp), intent(in) :: period                     !! mesh period
+    type(scene_t), intent(out) :: scene                !! its closed form
     integer, intent(out) :: error                      !! 0, or there is no memory for it
-    scene%table => system%table
-    call make_closed_form(system%table, series, system%harmonic, xi, system%period, most_panels, &
-        scene%form, error)
+    scene%flank => flank
+    call make_closed_form(flank, xi, period, most_panels, scene%form, error)
+    if (error == 0) call make_blocks(scene%form, flank, scene%blocks, error)
   end subroutine make_scene
 
   !> The same under another force.
@@ -81,7 +94,7 @@ contains
     type(instant_t), intent(in) :: instant       !! where the arc begins
     type(frame_t), intent(inout) :: frame        !! its frame
     call system%open_frame(instant, frame)
-    if (self%scene%form%graded) call stop_at_knot(self, instant, frame)
+    if (self%scene(on_moving)%form%graded) call stop_at_knot(self, instant, frame)
   end subroutine open
 
   !> What an arc needs of a frame where nobody looks at the flanks in it: its stop.
@@ -89,28 +102,21 @@ contains
     class(exact_flow_t), intent(in) :: self
     type(instant_t), intent(in) :: instant       !! where the arc begins
     type(frame_t), intent(inout) :: frame        !! its frame
-    call open_on_piece(self%scene%table, piece_of(self, instant), instant, frame)
-    if (self%scene%form%graded) call stop_at_knot(self, instant, frame)
+    associate (path => self%scene(on_moving)%flank)
+      call open_on_piece(path, locate_piece(path, instant%t, instant%piece), instant, frame)
+    end associate
+    if (self%scene(on_moving)%form%graded) call stop_at_knot(self, instant, frame)
   end subroutine open_no_flanks
 
-  !> In a graded scene a contact stops at each knot of a table.
+  !> In a graded scene a contact stops at each knot of the flank.
   pure subroutine stop_at_knot(self, instant, frame)
     class(exact_flow_t), intent(in) :: self
     type(instant_t), intent(in) :: instant       !! where the arc begins
     type(frame_t), intent(inout) :: frame        !! its frame
-    if (self%scene%form%harmonic .or. instant%motion_state == separation) return
+    if (instant%motion_state == separation) return
     frame%stop_knot = frame%piece + 1
-    frame%stop = self%scene%table%knot(frame%stop_knot) - instant%t
+    frame%stop = self%scene(on_moving)%flank%knot(frame%stop_knot) - instant%t
   end subroutine stop_at_knot
-
-  !> Table piece that holds an instant; of a series there is one.
-  pure integer function piece_of(self, instant) result(piece)
-    class(exact_flow_t), intent(in) :: self
-    type(instant_t), intent(in) :: instant       !! instant
-    piece = 1
-    if (.not. self%scene%form%harmonic) piece = locate_piece(self%scene%table, instant%t, &
-        instant%piece)
-  end function piece_of
 
   !> Follow an arc to the first guard or its stop; in a graded scene it may end before, of nothing.
   subroutine advance(self, system, tolerance, opened, arc, memory, reached, work, status)
@@ -129,15 +135,15 @@ contains
     work%stretches = work%stretches + 1
     if (.not. opened) call open_no_flanks(self, arc%begin, arc%frame)
     associate (begin => arc%begin)
-      call begin_curve(self, begin, arc%frame%piece, curve)
+      call curve_of_arc(self, begin, arc%frame%piece, curve)
       reached%chart = begin%chart
       if (begin%motion_state /= separation) then
-        call contact_end(self%scene, curve, begin%motion_state, &
+        call contact_end(self%scene(view(self, begin%chart)), curve, begin%motion_state, &
             begin%touching == begin%motion_state, arc%frame%stop, at)
-      else if (self%of%n_flanks == 2 .and. .not. self%of%coast_moves) then
+      else if (allocated(self%of%fixed)) then
         call flight_to_standing(self, begin, curve, arc%frame%stop, at, reached%chart)
       else
-        call flight_end(self%scene, curve, walls(self, begin%chart), begin%touching, &
+        call flight_end(self%scene(on_moving), curve, walls(self, begin%chart), begin%touching, &
             arc%frame%stop, at)
       end if
     end associate
@@ -151,7 +157,7 @@ contains
     if (at_stop(arc%frame, at%s)) then
       reached%flank = no_flank
       reached%s = arc%frame%stop
-    else if (system%absolute) then
+    else if (system%law%asks_flank_velocity()) then
       reached%flank_velocity = velocity_of(self, at%flank, arc%begin%t + at%s, arc%frame%piece)
     end if
   end subroutine advance
@@ -163,25 +169,30 @@ contains
     real(wp), intent(in) :: t                    !! time in the cycle
     integer, intent(in) :: guess                 !! table piece to look at first
     real(wp) :: g(0:max_degree)
-    integer :: piece
-    velocity = 0
-    if (flank == coast_flank .and. .not. self%of%coast_moves) return
-    piece = 1
-    if (.not. self%scene%form%harmonic) piece = locate_piece(self%scene%table, t, guess)
-    call flank_taylor(self%scene, .true., t, piece, g)
+    associate (path => self%scene(view(self, flank))%flank)
+      call path%taylor(locate_piece(path, t, guess), t, g)
+    end associate
     velocity = g(1)
   end function velocity_of
 
+  !> Which scene is seen from a flank.
+  pure integer function view(self, flank)
+    class(exact_flow_t), intent(in) :: self
+    integer, intent(in) :: flank                 !! flank
+    view = merge(on_fixed, on_moving, flank == coast_flank .and. allocated(self%of%fixed))
+  end function view
+
   !> The curve of an arc.
-  pure subroutine begin_curve(self, instant, piece, curve)
+  pure subroutine curve_of_arc(self, instant, piece, curve)
     class(exact_flow_t), intent(in) :: self
     type(instant_t), intent(in) :: instant       !! where the arc begins
-    integer, intent(in) :: piece                 !! table piece that holds it
+    integer, intent(in) :: piece                 !! piece of the flank, where to look first
     type(curve_t), intent(inout) :: curve        !! the curve
-    call launch(self%scene, instant%motion_state /= separation, &
-        instant%chart == drive_flank .or. self%of%coast_moves, instant%t, piece, &
-        instant%y(1), instant%y(2), curve)
-  end subroutine begin_curve
+    associate (scene => self%scene(view(self, instant%chart)))
+      call begin_curve(scene, instant%motion_state /= separation, instant%t, &
+          locate_piece(scene%flank, instant%t, piece), instant%y(1), instant%y(2), curve)
+    end associate
+  end subroutine curve_of_arc
 
   !> Positions of the two flanks seen from one of them, both moving with g.
   pure function walls(self, chart) result(wall)
@@ -202,21 +213,23 @@ contains
     real(wp), intent(in) :: stop                 !! latest end
     type(end_t), intent(out) :: at               !! the end
     integer, intent(out) :: chart                !! flank that the end refers to
-    real(wp) :: g, slope, c(0:max_degree), latest, s
+    real(wp) :: g, slope, c(0:max_degree), wall(2), latest, s
     logical :: found
     type(instant_t) :: from_drive
-    ! A flight that ends before it can meet the other flank, wherever that is, is told from its own.
+    ! A short flight back to its own flank, the other one out of reach, is seen from that.
     chart = instant%chart
     if (chart == instant%touching) then
-      call expand_launch(self%scene, curve)
-      call own_bounce(self, curve, chart, stop, found, at)
+      call expand_start(self%scene(view(self, chart)), curve)
+      wall = [0.0_wp, -self%of%width - self%g_low]
+      if (chart == coast_flank) wall = [self%of%width + self%g_low, 0.0_wp]
+      call bounce(curve, wall, chart, stop, found, at)
       if (found) return
     end if
     chart = drive_flank
-    call self%of%flank_motion(instant%t, instant%piece, g, slope)
+    call self%scene(on_moving)%flank%motion(instant%t, instant%piece, g, slope)
     c = 0
     c(0:1) = instant%y(1:2)
-    c(2) = 0.5_wp*self%scene%force
+    c(2) = 0.5_wp*self%scene(on_moving)%force
     from_drive = instant
     if (instant%chart == drive_flank) then
       c(0:1) = c(0:1) + [g + self%of%width, slope]
@@ -228,28 +241,14 @@ contains
     latest = stop
     call first_descent(c, stop, instant%touching == coast_flank, found, s)
     if (found) latest = s
-    call begin_curve(self, from_drive, piece_of(self, from_drive), curve)
-    call flight_end(self%scene, curve, [0.0_wp, least_width], &
+    call curve_of_arc(self, from_drive, from_drive%piece, curve)
+    call flight_end(self%scene(on_moving), curve, [0.0_wp, least_width], &
         merge(drive_flank, no_flank, instant%touching == drive_flank), latest, at)
     if (at%flank /= no_flank .or. .not. found) return
     at%flank = coast_flank
-    call self%of%flank_motion(instant%t + at%s, instant%piece, g, slope)
+    call self%scene(on_moving)%flank%motion(instant%t + at%s, instant%piece, g, slope)
     at%v = at%v + slope
   end subroutine flight_to_standing
-
-  !> A short flight back to its own flank while the other one is out of reach.
-  pure subroutine own_bounce(self, curve, flank, stop, found, at)
-    class(exact_flow_t), intent(in) :: self
-    type(curve_t), intent(in) :: curve           !! its curve
-    integer, intent(in) :: flank                 !! flank left
-    real(wp), intent(in) :: stop                 !! latest end
-    logical, intent(out) :: found                !! whether it is one
-    type(end_t), intent(out) :: at               !! the end
-    real(wp) :: wall(2)
-    wall = [0.0_wp, -self%of%width - self%g_low]
-    if (flank == coast_flank) wall = [self%of%width + self%g_low, 0.0_wp]
-    call bounce(curve, wall, flank, stop, found, at)
-  end subroutine own_bounce
 
   !> Position and velocity relative to the flank of an arc's chart.
   subroutine state_at(self, system, arc, s, frame, y)
@@ -260,32 +259,34 @@ contains
     type(frame_t), intent(inout) :: frame        !! without effect
     real(wp), intent(out) :: y(max_states)       !! position and velocity
     type(curve_t) :: curve
-    call begin_curve(self, arc%begin, piece_of(self, arc%begin), curve)
-    call expand_fully(self%scene, curve)
+    call curve_of_arc(self, arc%begin, arc%begin%piece, curve)
     y = 0
-    call curve_at(self%scene, curve, panel_in_contact(self%scene, curve, s), s, y(1), y(2))
+    associate (scene => self%scene(view(self, arc%begin%chart)))
+      call expand_fully(scene, curve)
+      call curve_at(scene, curve, panel_in_contact(scene, curve, s), s, y(1), y(2))
+    end associate
   end subroutine state_at
 
-  !> The curve of a arc told from a flank, its series known.
+  !> The curve of an arc seen from a flank, its series known.
   pure subroutine curve_from(self, begin, flank, curve)
     class(exact_flow_t), intent(in) :: self
     type(instant_t), intent(in) :: begin         !! where the arc begins
     integer, intent(in) :: flank                 !! flank
     type(curve_t), intent(out) :: curve          !! the curve
-    type(instant_t) :: told
+    type(instant_t) :: seen
     real(wp) :: g, slope, sign
-    told = begin
+    seen = begin
     if (begin%chart /= flank) then
       sign = merge(1.0_wp, -1.0_wp, flank == coast_flank)
-      told%chart = flank
-      told%y(1) = told%y(1) + sign*self%of%width
-      if (.not. self%of%coast_moves) then
-        call self%of%flank_motion(begin%t, begin%piece, g, slope)
-        told%y(1:2) = told%y(1:2) + sign*[g, slope]
+      seen%chart = flank
+      seen%y(1) = seen%y(1) + sign*self%of%width
+      if (allocated(self%of%fixed)) then
+        call self%scene(on_moving)%flank%motion(begin%t, begin%piece, g, slope)
+        seen%y(1:2) = seen%y(1:2) + sign*[g, slope]
       end if
     end if
-    call begin_curve(self, told, piece_of(self, told), curve)
-    call expand_fully(self%scene, curve)
+    call curve_of_arc(self, seen, seen%piece, curve)
+    call expand_fully(self%scene(view(self, flank)), curve)
   end subroutine curve_from
 
   !> Tell where an arc comes near a flank, or near release, and turns back.
@@ -297,49 +298,49 @@ contains
     class(listener_t), intent(inout) :: listener  !! who is told
     type(work_t), intent(inout) :: work           !! counts
     type(curve_t) :: curve
-    type(instant_t) :: instant
-    type(frame_t) :: frame
-    real(wp) :: from, s, distance, bend, inward
     integer :: flank
-    logical :: found
-    frame = arc%frame
     do flank = drive_flank, self%of%n_flanks
       if (arc%begin%motion_state /= separation .and. arc%begin%motion_state /= flank) cycle
       work%graze_searches = work%graze_searches + 1
-      inward = merge(1.0_wp, -1.0_wp, arc%begin%motion_state == separation)
       call curve_from(self, arc%begin, flank, curve)
-      from = 0
-      do
-        call next_turn(self%scene, curve, from, arc%length, found, s)
-        if (.not. found) exit
-        call distance_at(self, curve, flank, s, distance, bend)
-        distance = inward*distance
-        if (distance > 0 .and. distance <= within .and. inward*bend > 0) then
-          call instant_on(self, system, arc, s, frame, instant)
-          call listener%hear(flank, instant)
-        end if
-        from = s
-      end do
+      call turns_near_flank(self, self%scene(view(self, flank)), system, arc, curve, flank, &
+          within, listener)
     end do
   end subroutine near_turns
 
-  !> Distance from a flank and its second derivative at a time of an arc.
-  pure subroutine distance_at(self, curve, flank, s, distance, bend)
+  !> The same near one flank.
+  subroutine turns_near_flank(self, scene, system, arc, curve, flank, within, listener)
     class(exact_flow_t), intent(in) :: self
-    type(curve_t), intent(in) :: curve           !! the arc, told from the flank
-    integer, intent(in) :: flank                 !! flank
-    real(wp), intent(in) :: s                    !! time since it began
-    real(wp), intent(out) :: distance            !! positive in separation, rad
-    real(wp), intent(out) :: bend                !! its second derivative
-    real(wp) :: v
+    type(scene_t), intent(in) :: scene            !! seen from the flank
+    class(system_t), intent(in) :: system         !! what moves
+    type(arc_t), intent(in) :: arc                !! an arc it moved along
+    type(curve_t), intent(in) :: curve            !! the arc, seen from the flank
+    integer, intent(in) :: flank                  !! flank
+    real(wp), intent(in) :: within                !! what is near, rad
+    class(listener_t), intent(inout) :: listener  !! who is told
+    type(instant_t) :: instant
+    type(frame_t) :: frame
+    real(wp) :: from, s, distance, v, bend, inward
     integer :: panel
-    panel = panel_in_contact(self%scene, curve, s)
-    call curve_at(self%scene, curve, panel, s, distance, v)
-    bend = acceleration_at(self%scene, curve, panel, s, distance, v)
-    if (flank == coast_flank) return
-    distance = -distance
-    bend = -bend
-  end subroutine distance_at
+    logical :: found
+    frame = arc%frame
+    inward = merge(1.0_wp, -1.0_wp, (arc%begin%motion_state == separation) .eqv. &
+        flank == coast_flank)
+    from = 0
+    do
+      call next_turn(scene, curve, from, arc%length, found, s)
+      if (.not. found) exit
+      panel = panel_in_contact(scene, curve, s)
+      call curve_at(scene, curve, panel, s, distance, v)
+      bend = inward*acceleration_at(scene, curve, panel, s, distance, v)
+      distance = inward*distance
+      if (distance > 0 .and. distance <= within .and. bend > 0) then
+        call instant_on(self, system, arc, s, frame, instant)
+        call listener%hear(flank, instant)
+      end if
+      from = s
+    end do
+  end subroutine turns_near_flank
 
   !> Largest distance from the drive flank, or depth in the coast flank.
   subroutine farthest(self, system, arc, flank, least, largest, work)
@@ -353,7 +354,7 @@ contains
     type(curve_t) :: curve
     work%depth_searches = work%depth_searches + 1
     call curve_from(self, arc%begin, flank, curve)
-    largest = farthest_of(self%scene, curve, -1.0_wp, arc%length, least)
+    largest = farthest_of(self%scene(view(self, flank)), curve, -1.0_wp, arc%length, least)
   end subroutine farthest
 
   !> When a tooth in rigid contact would be pulled: F - g'' of a series falls to zero. It is the
@@ -370,21 +371,21 @@ contains
     type(end_t) :: at
     real(wp) :: g(0:max_degree), x, v
     integer :: touching
-    known = self%scene%form%harmonic
+    known = is_smooth(self%scene(on_moving)%flank)
     found = .false.
     s = stop
     if (.not. known) return
-    call flank_taylor(self%scene, .true., instant%t, 1, g)
-    x = self%scene%force - 2*g(2)
+    call self%scene(on_moving)%flank%taylor(1, instant%t, g)
+    x = self%scene(on_moving)%force - 2*g(2)
     v = -6*g(3)
     touching = no_flank
     if (instant%motion_state == drive_flank) then
       if (x <= 0) touching = coast_flank
-      call launch(self%push, .false., .true., instant%t, 1, x, v, curve)
+      call begin_curve(self%push, .false., instant%t, 1, x, v, curve)
       call flight_end(self%push, curve, [huge(x), 0.0_wp], touching, stop, at)
     else
       if (x >= 0) touching = drive_flank
-      call launch(self%push, .false., .true., instant%t, 1, x, v, curve)
+      call begin_curve(self%push, .false., instant%t, 1, x, v, curve)
       call flight_end(self%push, curve, [0.0_wp, -huge(x)], touching, stop, at)
     end if
     found = at%flank /= no_flank

@@ -1,14 +1,15 @@
 !> What observers ask of an arc in closed form: where it turns, and how far it goes.
 module lapwing_flow_exact_extrema
   use lapwing_kinds, only: wp
-  use lapwing_flow_exact_response, only: locate_panel, free_size
+  use lapwing_flow_exact_curve, only: scene_t, curve_t, is_smooth
+  use lapwing_flow_exact_motion, only: curve_at, curve_taylor, fly_from, flight_series, &
+      flight_on_piece, range_of_flight
+  use lapwing_flow_exact_panels, only: locate_panel, free_size
   use lapwing_flow_exact_root_search, only: first_turn
-  use lapwing_flow_exact_oscillation, only: n_taylor
+  use lapwing_system_oscillation, only: n_taylor
   use lapwing_flow_exact_slow_contact, only: slow_turn, slow_farthest
-  use lapwing_flow_exact_panel_series, only: flight_series, flight_on_piece, range_of_flight
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, bernstein_on, largest
   use lapwing_polynomial_roots, only: critical_points
-  use lapwing_flow_exact_motion, only: scene_t, curve_t, curve_at, curve_taylor, fly_from
   implicit none
   private
   public :: next_turn, farthest
@@ -54,7 +55,7 @@ contains
     real(wp), intent(in) :: least              !! value known already
     logical :: told
     if (.not. curve%contact) then
-      if (.not. (scene%form%harmonic .and. curve%moving)) then
+      if (.not. is_smooth(scene%flank)) then
         farthest = farthest_over_pieces(scene, curve, sign, until, least)
         return
       end if
@@ -116,16 +117,15 @@ contains
     piece = curve%piece
     begin = 0
     do
-      to = until
-      if (curve%moving) to = min(scene%table%knot(piece + 1) - curve%t, until)
+      to = min(scene%flank%knot(piece + 1) - curve%t, until)
       call raise_on_piece(sign*c, to - begin, most)
-      if (to >= until .or. piece == scene%table%n) return
+      if (to >= until .or. piece == scene%flank%n) return
       x = horner(c, to - begin)
       v = horner_slope(c, to - begin)
       begin = to
       piece = piece + 1
       ! Off kinks the jump is rounding, but left out it would add up to a mean force.
-      c = flight_on_piece(scene, piece, x, v - scene%table%slope_jump(piece))
+      c = flight_on_piece(scene, piece, x, v - scene%flank%slope_jump(piece))
     end do
   end function farthest_over_pieces
 
@@ -257,8 +257,8 @@ contains
     real(wp), intent(in) :: begin, finish      !! times since the arc began
     associate (block => scene%blocks%over((panel - 1)/scene%blocks%panels + 1))
       if (curve%contact) then
-        bound = sign*scene%force + free_size(curve%free)
-        if (curve%moving) bound = bound + merge(block%q_high, -block%q_low, sign > 0)
+        bound = sign*scene%force + free_size(curve%free) &
+            + merge(block%q_high, -block%q_low, sign > 0)
       else
         bound = flight_bound(scene, curve, sign, begin, finish, block%g_low, block%g_high)
       end if
@@ -275,7 +275,6 @@ contains
     real(wp), intent(in) :: g_low, g_high      !! range of g between them
     real(wp) :: low, high
     call range_of_flight(scene, curve, begin, finish, low, high)
-    bound = merge(high, -low, sign > 0)
-    if (curve%moving) bound = bound + merge(-g_low, g_high, sign > 0)
+    bound = merge(high - g_low, g_high - low, sign > 0)
   end function flight_bound
 end module lapwing_flow_exact_extrema

@@ -6,16 +6,16 @@
 module lapwing_flow_exact_flight
   use lapwing_kinds, only: wp
   use lapwing_codes, only: no_flank, drive_flank, coast_flank
-  use lapwing_flow_exact_response, only: closed_form_t, locate_panel, launch_order, reach
-  use lapwing_flow_exact_oscillation, only: n_taylor
-  use lapwing_flow_exact_root_search, only: target_t, first_meeting, quick_return, only_zero
-  use lapwing_flow_exact_panel_series, only: flight_series, flight_on_piece, range_of_flight
+  use lapwing_flow_exact_curve, only: scene_t, curve_t, expand_start, expand_fully, is_smooth
+  use lapwing_flow_exact_motion, only: curve_at, fly_from, flight_series, flight_on_piece, &
+      range_of_flight
+  use lapwing_flow_exact_panels, only: closed_form_t, locate_panel, start_order, reach
+  use lapwing_system_oscillation, only: n_taylor
+  use lapwing_flow_exact_root_search, only: target_t, first_crossing, quick_return, only_zero
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, bernstein, &
       bernstein_on, least, largest
   use lapwing_polynomial_roots, only: first_descent
-  use lapwing_flow_exact_motion, only: scene_t, curve_t, expand_launch, expand_fully, curve_at, &
-      fly_from
-  use lapwing_flank_table, only: locate_piece
+  use lapwing_flank, only: locate_piece
   implicit none
   private
   public :: end_t, flight_end, bounce, least_width
@@ -42,12 +42,12 @@ contains
     real(wp), intent(in) :: stop               !! latest end
     type(end_t), intent(out) :: at             !! the end
     logical :: found
-    if (curve%near < 0) call expand_launch(scene, curve)
+    if (curve%near < 0) call expand_start(scene, curve)
     if (touching /= no_flank) then
       call bounce(curve, wall, touching, stop, found, at)
       if (found) return
     end if
-    if (scene%form%harmonic .and. curve%moving) then
+    if (is_smooth(scene%flank)) then
       call flight_over_series(scene, curve, wall, touching, stop, at)
     else
       call flight_over_table(scene, curve, wall, touching, stop, at)
@@ -97,20 +97,19 @@ contains
     integer, intent(in) :: touching            !! flank at zero distance, left at s = 0
     real(wp), intent(in) :: stop               !! latest end
     type(end_t), intent(out) :: at             !! the end
-    real(wp) :: c(0:max_degree), begin, to, s, x, v
+    real(wp) :: c(0:max_degree), g(0:max_degree), begin, to, s, x, v
     integer :: piece, next, left
     c = curve%taylor(0:max_degree)
     piece = curve%piece
     begin = 0
     left = touching
     do
-      to = stop
-      if (curve%moving) to = min(scene%table%knot(piece + 1) - curve%t, stop)
-      call meet_walls(c, to - begin, wall, left, at%flank, s)
+      to = min(scene%flank%knot(piece + 1) - curve%t, stop)
+      call first_wall(c, to - begin, wall, left, at%flank, s)
       at%s = begin + s
       at%x = horner(c, s)
       at%v = horner_slope(c, s)
-      if (at%flank /= no_flank .or. to >= stop .or. piece == scene%table%n) exit
+      if (at%flank /= no_flank .or. to >= stop .or. piece == scene%flank%n) exit
       left = no_flank
       begin = to
       piece = piece + 1
@@ -118,12 +117,12 @@ contains
       if (scene%blocks%pieces > 0) call pass_blocks(scene, curve, wall, stop, next)
       x = at%x
       ! Off kinks the jump is rounding, but left out it would add up to a mean force.
-      v = at%v - scene%table%slope_jump(piece)
+      v = at%v - scene%flank%slope_jump(piece)
       if (next > piece) then
         piece = next
-        begin = scene%table%knot(piece) - curve%t
-        call fly_from(scene, curve, begin, scene%table%coefficient(0, piece), &
-            scene%table%coefficient(1, piece), x, v)
+        begin = scene%flank%knot(piece) - curve%t
+        call scene%flank%taylor(piece, scene%flank%knot(piece), g)
+        call fly_from(scene, curve, begin, g(0), g(1), x, v)
       end if
       c = flight_on_piece(scene, piece, x, v)
     end do
@@ -142,15 +141,15 @@ contains
     do
       if (mod(piece - 1, scene%blocks%pieces) /= 0) return
       block = (piece - 1)/scene%blocks%pieces + 1
-      after = min(piece + scene%blocks%pieces, scene%table%n + 1)
-      finish = min(scene%table%knot(after) - curve%t, stop)
-      call range_of_flight(scene, curve, scene%table%knot(piece) - curve%t, finish, low, high)
+      after = min(piece + scene%blocks%pieces, scene%flank%n + 1)
+      finish = min(scene%flank%knot(after) - curve%t, stop)
+      call range_of_flight(scene, curve, scene%flank%knot(piece) - curve%t, finish, low, high)
       if (high >= scene%blocks%g_low(block) + wall(1) &
           .or. low <= scene%blocks%g_high(block) + wall(2)) return
       if (finish >= stop) then
         ! The piece with the stop in it, or at its end, is looked at like any other.
-        after = locate_piece(scene%table, curve%t + stop, after - 1)
-        if (scene%table%knot(after) - curve%t >= stop) after = after - 1
+        after = locate_piece(scene%flank, curve%t + stop, after - 1)
+        if (scene%flank%knot(after) - curve%t >= stop) after = after - 1
         piece = max(piece, after)
         return
       end if
@@ -159,7 +158,7 @@ contains
   end subroutine pass_blocks
 
   !> First wall that a polynomial meets.
-  pure subroutine meet_walls(c, length, wall, left, flank, s)
+  pure subroutine first_wall(c, length, wall, left, flank, s)
     real(wp), intent(in) :: c(0:max_degree)    !! position
     real(wp), intent(in) :: length             !! interval
     real(wp), intent(in) :: wall(2)            !! positions of the walls
@@ -193,7 +192,7 @@ contains
       flank = k
       s = at
     end do
-  end subroutine meet_walls
+  end subroutine first_wall
 
   !> A flight over a harmonic flank: panels, the first one from the launch.
   pure subroutine flight_over_series(scene, curve, wall, touching, stop, at)
@@ -226,7 +225,7 @@ contains
                   - here%g_bernstein
               out = [largest(b) + here%g_rest < wall(1), least(b) - here%g_rest > wall(2)]
               if (out(1) .neqv. out(2)) then
-                call meet_only(scene, curve, panel, wall, merge(coast_flank, drive_flank, &
+                call cross_only(scene, curve, panel, wall, merge(coast_flank, drive_flank, &
                     out(1)), b, to, out, at)
               end if
             end if
@@ -287,7 +286,7 @@ contains
   end subroutine leap
 
   !> The one meeting with a wall within a panel, where it is plain that there is just one.
-  pure subroutine meet_only(scene, curve, panel, wall, flank, b, to, out, at)
+  pure subroutine cross_only(scene, curve, panel, wall, flank, b, to, out, at)
     type(scene_t), intent(in) :: scene         !! scene
     type(curve_t), intent(in) :: curve         !! arc
     integer, intent(in) :: panel               !! panel
@@ -306,10 +305,10 @@ contains
       s = (here%middle - curve%t) + s
     end associate
     ! So near to its beginning the arc's own series keeps more digits.
-    if (.not. settled .or. s <= reach(launch_order)/scene%form%fastest) return
+    if (.not. settled .or. s <= reach(start_order)/scene%form%fastest) return
     out(flank) = .true.
     if (s <= to) at = end_t(flank, s, wall(flank), sign*v)
-  end subroutine meet_only
+  end subroutine cross_only
 
   !> Bernstein coefficients of degree five of a parabola on [0, width].
   pure function parabola(x, v, a, width) result(b)
@@ -363,7 +362,7 @@ contains
     latest = to
     do flank = drive_flank, coast_flank
       if (out(flank)) cycle
-      call first_meeting(scene, curve, panel, from > 0, target_t(sign=merge(-1.0_wp, 1.0_wp, &
+      call first_crossing(scene, curve, panel, from > 0, target_t(sign=merge(-1.0_wp, 1.0_wp, &
           flank == drive_flank), wall=wall(flank), touching=flank == touching), &
           from, latest, found, s, x, v)
       if (.not. found) cycle

@@ -3,10 +3,9 @@
 !> that are looked at least.
 module lapwing_flow_exact_interval_bounds
   use lapwing_kinds, only: wp
-  use lapwing_flow_exact_response, only: closed_form_t
-  use lapwing_flow_exact_oscillation, only: free_matrix
-  use lapwing_polynomial_evaluation, only: max_degree, bernstein_on, taylor_shift
-  use lapwing_flank_table, only: te_table_t
+  use lapwing_flow_exact_panels, only: closed_form_t
+  use lapwing_system_oscillation, only: free_matrix
+  use lapwing_flank, only: flank_t
   implicit none
   private
   public :: blocks_t, make_blocks
@@ -32,22 +31,22 @@ module lapwing_flow_exact_interval_bounds
 
 contains
 
-  !> Blocks of a scene's panels and of its table's pieces.
-  pure subroutine make_blocks(form, table, self, error)
+  !> Blocks of a scene's panels and of its flank's pieces.
+  pure subroutine make_blocks(form, flank, self, error)
     type(closed_form_t), intent(in) :: form    !! panels
-    type(te_table_t), intent(in) :: table      !! g as a table
+    class(flank_t), intent(in) :: flank        !! g
     type(blocks_t), intent(out) :: self        !! blocks
     integer, intent(out) :: error              !! 0, or there is no memory for them
     error = 0
-    if (form%n >= least_many) call gather_panels(self, form, table, error)
+    if (form%n >= least_many) call gather_panels(self, form, flank, error)
     if (error /= 0) return
-    if (table%n >= least_many .and. .not. form%harmonic) call gather_pieces(self, table, error)
+    if (flank%n >= least_many) call gather_pieces(self, flank, error)
   end subroutine make_blocks
 
-  pure subroutine gather_panels(self, form, table, error)
+  pure subroutine gather_panels(self, form, flank, error)
     type(blocks_t), intent(inout) :: self      !! blocks of panels are set
     type(closed_form_t), intent(in) :: form    !! panels
-    type(te_table_t), intent(in) :: table      !! g as a table
+    class(flank_t), intent(in) :: flank        !! g
     integer, intent(out) :: error              !! 0, or there is no memory for them
     real(wp) :: low, high
     integer :: i, next
@@ -56,7 +55,8 @@ contains
     if (error /= 0) return
     do i = 1, form%n
       associate (block => self%over((i - 1)/self%panels + 1), panel => form%panel(i))
-        call range_of_panel(form, table, i, low, high)
+        call flank%range(form%piece(i), form%edge(i) - flank%knot(form%piece(i)), 2*panel%half, &
+            low, high)
         block%g_low = min(block%g_low, low)
         block%g_high = max(block%g_high, high)
         block%q_low = min(block%q_low, minval(panel%q_bernstein) - panel%q_rest)
@@ -68,51 +68,22 @@ contains
     end do
   end subroutine gather_panels
 
-  !> Bounds of g on a panel.
-  pure subroutine range_of_panel(form, table, i, low, high)
-    type(closed_form_t), intent(in) :: form    !! panels
-    type(te_table_t), intent(in) :: table      !! g as a table
-    integer, intent(in) :: i                   !! panel
-    real(wp), intent(out) :: low, high         !! bounds
-    if (form%harmonic) then
-      low = form%panel(i)%g_low
-      high = form%panel(i)%g_high
-    else
-      call range_of_piece(table, form%piece(i), form%edge(i) - table%knot(form%piece(i)), &
-          2*form%panel(i)%half, low, high)
-    end if
-  end subroutine range_of_panel
-
-  !> Bounds of g on a part of a table piece.
-  pure subroutine range_of_piece(table, piece, from, width, low, high)
-    type(te_table_t), intent(in) :: table      !! g as a table
-    integer, intent(in) :: piece               !! piece
-    real(wp), intent(in) :: from, width        !! part, from the knot
-    real(wp), intent(out) :: low, high         !! bounds
-    real(wp) :: c(0:max_degree)
-    c = table%coefficient(:, piece)
-    call taylor_shift(c, from)
-    c = bernstein_on(c, width)
-    low = minval(c)
-    high = maxval(c)
-  end subroutine range_of_piece
-
-  pure subroutine gather_pieces(self, table, error)
+  pure subroutine gather_pieces(self, flank, error)
     type(blocks_t), intent(inout) :: self      !! blocks of pieces are set
-    type(te_table_t), intent(in) :: table      !! g as a table
+    class(flank_t), intent(in) :: flank        !! g
     integer, intent(out) :: error              !! 0, or there is no memory for them
     real(wp) :: low, high
     integer :: i, k
-    self%pieces = nint(sqrt(real(table%n, wp)))
-    k = (table%n - 1)/self%pieces + 1
+    self%pieces = nint(sqrt(real(flank%n, wp)))
+    k = (flank%n - 1)/self%pieces + 1
     allocate (self%g_low(k), stat=error)
     if (error == 0) allocate (self%g_high(k), stat=error)
     if (error /= 0) return
     self%g_low = huge(1.0_wp)
     self%g_high = -huge(1.0_wp)
-    do i = 1, table%n
+    do i = 1, flank%n
       k = (i - 1)/self%pieces + 1
-      call range_of_piece(table, i, 0.0_wp, table%knot(i + 1) - table%knot(i), low, high)
+      call flank%range(i, 0.0_wp, flank%knot(i + 1) - flank%knot(i), low, high)
       self%g_low(k) = min(self%g_low(k), low)
       self%g_high(k) = max(self%g_high(k), high)
     end do

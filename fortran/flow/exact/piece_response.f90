@@ -3,7 +3,7 @@
 !> as Taylor series. Which of them is taken is free, for the rest is a free oscillation.
 module lapwing_flow_exact_piece_response
   use lapwing_kinds, only: wp
-  use lapwing_flow_exact_oscillation, only: damped_t, n_taylor
+  use lapwing_system_oscillation, only: damped_t, n_taylor
   use lapwing_polynomial_evaluation, only: max_degree, taylor_shift
   use lapwing_flank_table, only: te_table_t
   implicit none

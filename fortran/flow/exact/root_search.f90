@@ -7,15 +7,15 @@
 !> that it exists and is the only one near.
 module lapwing_flow_exact_root_search
   use lapwing_kinds, only: wp
-  use lapwing_flow_exact_response, only: bound_order
+  use lapwing_flow_exact_curve, only: scene_t, curve_t
+  use lapwing_flow_exact_motion, only: curve_at, curve_taylor, rest_after, acceleration_at
+  use lapwing_flow_exact_panels, only: bound_order
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, jet
   use lapwing_polynomial_roots, only: first_zero, first_nonzero, lift_off
-  use lapwing_flow_exact_oscillation, only: n_taylor
-  use lapwing_flow_exact_motion, only: scene_t, curve_t, curve_at, curve_taylor, rest_after, &
-      acceleration_at
+  use lapwing_system_oscillation, only: n_taylor
   implicit none
   private
-  public :: target_t, first_meeting, first_turn, turn_after, quick_return, only_zero
+  public :: target_t, first_crossing, first_turn, turn_after, quick_return, only_zero
 
   !> What is looked for within one panel.
   type :: target_t
@@ -40,7 +40,7 @@ module lapwing_flow_exact_root_search
 contains
 
   !> First zero of a target between two times of a panel.
-  pure subroutine first_meeting(scene, curve, panel, from_edge, goal, from, to, found, s, &
+  pure subroutine first_crossing(scene, curve, panel, from_edge, goal, from, to, found, s, &
       x, v)
     type(scene_t), intent(in) :: scene         !! scene
     type(curve_t), intent(in) :: curve         !! arc
@@ -103,7 +103,7 @@ contains
         width = shrink*width
       end if
     end do
-  end subroutine first_meeting
+  end subroutine first_crossing
 
   !> The one zero of a target on a panel, from its Taylor series about the middle, where it is plain
   !> that there is just one: a target that is positive at the beginning, negative at the end, and
@@ -172,7 +172,7 @@ contains
     type(target_t) :: goal
     real(wp) :: x, v
     goal = turn_after(scene, curve, panel, at_turn, from)
-    call first_meeting(scene, curve, panel, .false., goal, from, to, found, s, x, v)
+    call first_crossing(scene, curve, panel, .false., goal, from, to, found, s, x, v)
   end subroutine first_turn
 
   !> The target of that search.

@@ -5,15 +5,16 @@
 !> search goes there at once. Else it looks closely at a time that is short against d as it is.
 module lapwing_flow_exact_slow_contact
   use lapwing_kinds, only: wp
-  use lapwing_flow_exact_response, only: locate_panel, bound_order
-  use lapwing_flow_exact_oscillation, only: lasting_t, lasting, n_taylor
-  use lapwing_flow_exact_root_search, only: target_t, first_meeting, turn_after
+  use lapwing_flow_exact_curve, only: scene_t, curve_t
+  use lapwing_flow_exact_motion, only: curve_at
+  use lapwing_flow_exact_panels, only: locate_panel, bound_order
+  use lapwing_system_oscillation, only: lasting_t, lasting, n_taylor
+  use lapwing_flow_exact_root_search, only: target_t, first_crossing, turn_after
   use lapwing_polynomial_evaluation, only: max_degree, taylor_shift, upper_bound
   use lapwing_polynomial_roots, only: first_zero
-  use lapwing_flow_exact_motion, only: scene_t, curve_t, curve_at
   implicit none
   private
-  public :: slow_meeting, slow_turn, slow_farthest, panel_in_contact
+  public :: slow_crossing, slow_turn, slow_farthest, panel_in_contact
 
   !> Close looks of one search; a contact that needs more goes on as a new arc.
   integer, parameter :: max_looks = 2000
@@ -25,7 +26,7 @@ module lapwing_flow_exact_slow_contact
 contains
 
   !> First meeting of a target between two times, or how far it was looked for.
-  pure subroutine slow_meeting(scene, curve, goal, from, stop, panel, found, s)
+  pure subroutine slow_crossing(scene, curve, goal, from, stop, panel, found, s)
     type(scene_t), intent(in) :: scene         !! scene
     type(curve_t), intent(in) :: curve         !! arc
     type(target_t), intent(in) :: goal         !! what is looked for
@@ -41,17 +42,17 @@ contains
     s = from
     do
       to = min(scene%form%edge(panel + 1) - curve%t, stop)
-      call meet_on_panel(scene, curve, panel, here, to, looks, found, s)
+      call cross_on_panel(scene, curve, panel, here, to, looks, found, s)
       if (found .or. s < to .or. to >= stop .or. panel == scene%form%n) exit
       here%touching = .false.
       panel = panel + 1
     end do
     ! What has come as far as it may is at its stop, not at an edge that rounding puts before it.
     if (.not. found .and. s >= to) s = stop
-  end subroutine slow_meeting
+  end subroutine slow_crossing
 
   !> The same on one panel, from s on.
-  pure subroutine meet_on_panel(scene, curve, panel, goal, to, looks, found, s)
+  pure subroutine cross_on_panel(scene, curve, panel, goal, to, looks, found, s)
     type(scene_t), intent(in) :: scene         !! scene
     type(curve_t), intent(in) :: curve         !! arc
     integer, intent(in) :: panel               !! panel
@@ -75,14 +76,14 @@ contains
       end if
       finish = to
       if (left%sixth > 0) finish = min(to, s + look_span*(left%x/left%sixth)**(1.0_wp/6))
-      call first_meeting(scene, curve, panel, .false., here, s, finish, found, at, x, v)
+      call first_crossing(scene, curve, panel, .false., here, s, finish, found, at, x, v)
       looks = looks + 1
       s = at
       if (found) return
       s = finish
       here%touching = .false.
     end do
-  end subroutine meet_on_panel
+  end subroutine cross_on_panel
 
   !> Time for which nothing can be met: what is slow stays farther away than what is left of d.
   pure real(wp) function safe_time(scene, curve, panel, goal, left, s, to) result(safe)
@@ -117,13 +118,9 @@ contains
     real(wp), intent(out) :: rest              !! bound
     real(wp) :: q(0:n_taylor)
     integer :: k
-    q = 0
-    rest = 0
-    if (curve%moving) then
-      q = scene%form%panel(panel)%q
-      call taylor_shift(q, curve%t + s - scene%form%panel(panel)%middle)
-      rest = scene%form%panel(panel)%q_sixth
-    end if
+    q = scene%form%panel(panel)%q
+    call taylor_shift(q, curve%t + s - scene%form%panel(panel)%middle)
+    rest = scene%form%panel(panel)%q_sixth
     if (rate) then
       c = [(k*q(k), k = 1, max_degree), 0.0_wp]
       rest = bound_order*rest
@@ -140,7 +137,7 @@ contains
     type(curve_t), intent(in) :: curve         !! arc
     real(wp), intent(in) :: s                  !! time since it began
     panel = locate_panel(scene%form, curve%t + s)
-    if (.not. scene%form%graded .or. scene%form%harmonic .or. .not. curve%contact) return
+    if (.not. scene%form%graded .or. .not. curve%contact) return
     do while (panel > 1 .and. scene%form%piece(panel) > curve%piece)
       panel = panel - 1
     end do
@@ -160,7 +157,7 @@ contains
     do
       panel = panel_in_contact(scene, curve, begin)
       goal = turn_after(scene, curve, panel, begin > 0 .and. begin == from, begin)
-      call slow_meeting(scene, curve, goal, begin, until, panel, found, s)
+      call slow_crossing(scene, curve, goal, begin, until, panel, found, s)
       found = found .and. s > from .and. s < until
       if (found .or. s >= until) return
       begin = s

@@ -50,7 +50,7 @@ contains
     touching_here = touching
     do
       if (motion_state == separation) then
-        call system%leap(motion, crossing%frame, touching_here, clear)
+        call system%skip_ahead(motion, crossing%frame, touching_here, clear)
         if (clear) return
       end if
       call search_piece(system, motion_state, touching_here, motion, work, crossing)

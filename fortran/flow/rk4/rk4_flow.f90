@@ -76,8 +76,8 @@ contains
       reached%chart = crossing%flank
       reached%piece = arc%begin%piece
       call system%commit(crossing%frame, crossing%s, z_event, crossing%flank, reached%y)
-      if (system%absolute) reached%flank_velocity = system%flank_velocity(crossing%frame, &
-          crossing%flank, crossing%s)
+      if (system%law%asks_flank_velocity()) reached%flank_velocity = &
+          system%flank_velocity(crossing%frame, crossing%flank, crossing%s)
     else
       reached%piece = crossing%frame%piece
       call system%commit(crossing%frame, arc%motion%h, z_end, arc%begin%chart, reached%y)

@@ -9,7 +9,8 @@
 module lapwing_flow_rk4_step
   use lapwing_kinds, only: wp
   use lapwing_flow_rk4_step_control, only: error_ratio
-  use lapwing_system, only: system_t, frame_t, motion_t, step_t, max_states
+  use lapwing_system, only: system_t, frame_t, motion_t
+  use lapwing_system_step, only: step_t, max_states, change, richardson
   implicit none
   private
   public :: ratio_in_contact, rk4_step, rk4_move, read_step
@@ -19,6 +20,52 @@ module lapwing_flow_rk4_step
   real(wp), parameter :: rounding = 16*epsilon(1.0_wp)
 
 contains
+
+  !> One classical step: four rates, and the change they make together.
+  subroutine classical_step(system, frame, motion_state, s, h, z, k1, z_end)
+    class(system_t), intent(in) :: system         !! what moves
+    type(frame_t), intent(in) :: frame            !! frame as opened
+    integer, intent(in) :: motion_state           !! motion state
+    real(wp), intent(in) :: s                     !! where it begins
+    real(wp), intent(in) :: h                     !! its length
+    real(wp), intent(in) :: z(:)                  !! local coordinates at s
+    real(wp), intent(in) :: k1(:)                 !! their rates there
+    real(wp), intent(out) :: z_end(:)             !! local coordinates at s + h
+    real(wp), dimension(size(z)) :: k2, k3, k4
+    real(wp) :: half
+    half = 0.5_wp*h
+    call system%derivatives(frame, motion_state, s + half, z + half*k1, k2)
+    call system%derivatives(frame, motion_state, s + half, z + half*k2, k3)
+    call system%derivatives(frame, motion_state, s + h, z + h*k3, k4)
+    z_end = z + change(h, k1, k2, k3, k4)
+  end subroutine classical_step
+
+  !> Two steps of half the length and one beside them, extrapolated.
+  subroutine doubled_step(system, frame, motion_state, h, z, dense, step)
+    class(system_t), intent(in) :: system         !! what moves
+    type(frame_t), intent(in) :: frame            !! frame as opened
+    integer, intent(in) :: motion_state           !! motion state
+    real(wp), intent(in) :: h                     !! length of both together
+    real(wp), intent(in) :: z(max_states)         !! local coordinates at s = 0
+    logical, intent(in) :: dense                  !! whether the rate at the end is wanted
+    type(step_t), intent(inout) :: step           !! the result
+    real(wp), dimension(system%n_states) :: middle, fine, coarse
+    real(wp) :: half
+    half = 0.5_wp*h
+    associate (n => system%n_states)
+      associate (z0 => z(:n), k1 => step%rate_begin(:n), k_middle => step%rate_middle(:n))
+        call system%derivatives(frame, motion_state, 0.0_wp, z0, k1)
+        call classical_step(system, frame, motion_state, 0.0_wp, half, z0, k1, middle)
+        call system%derivatives(frame, motion_state, half, middle, k_middle)
+        call classical_step(system, frame, motion_state, half, half, middle, k_middle, fine)
+        call classical_step(system, frame, motion_state, 0.0_wp, h, z0, k1, coarse)
+      end associate
+      step%correction(:n) = richardson*(fine - coarse)
+      step%middle(:n) = middle + 0.5_wp*step%correction(:n)
+      step%end(:n) = fine + step%correction(:n)
+      if (dense) call system%derivatives(frame, motion_state, h, step%end(:n), step%rate_end(:n))
+    end associate
+  end subroutine doubled_step
 
   !> One step of length h with dense output and error estimate.
   subroutine rk4_step(system, frame, motion_state, h, z, motion, z_end, error)
@@ -32,7 +79,9 @@ contains
     real(wp), intent(out) :: error(max_states)    !! estimated error of each coordinate
     type(step_t) :: step
     integer :: i
-    call system%stages(frame, motion_state, h, z, .true., step)
+    logical :: done
+    call system%stages(frame, motion_state, h, z, step, done)
+    if (.not. done) call doubled_step(system, frame, motion_state, h, z, .true., step)
     motion%h = h
     motion%landing = step%landing
     do i = 1, system%n_states
@@ -84,7 +133,9 @@ contains
     real(wp), intent(in) :: z(max_states)         !! local coordinates at s = 0
     real(wp), intent(out) :: z_end(max_states)    !! local coordinates at s = h
     type(step_t) :: step
-    call system%stages(frame, motion_state, h, z, .false., step)
+    logical :: done
+    call system%stages(frame, motion_state, h, z, step, done)
+    if (.not. done) call doubled_step(system, frame, motion_state, h, z, .false., step)
     z_end = step%end
   end subroutine rk4_move
 

@@ -1,17 +1,18 @@
 !> The first meeting of a smooth stretch with a position: against dense samples, at grazing from
 !> both sides, at double roots, from a touching start; turns; short returns.
-program test_first_meeting
+program test_first_crossing
   use assertions, only: tally_t
-  use exact_reference, only: qp, seed, uniform, random_scene, amplification, longest_rate
-  use lapwing_flow_exact_response, only: locate_panel
-  use lapwing_flow_exact_root_search, only: target_t, first_meeting, first_turn, quick_return, &
+  use exact_reference, only: qp, seed, uniform, random_scene, amplification, longest_rate, &
+      largest_term
+  use lapwing_flow_exact_root_search, only: target_t, first_crossing, first_turn, quick_return, &
       only_zero
-  use lapwing_flow_exact_oscillation, only: n_taylor
+  use lapwing_system_oscillation, only: n_taylor
   use lapwing_kinds, only: wp
   use lapwing_polynomial_evaluation, only: max_degree, taylor_shift, bernstein_on
-  use lapwing_flow_exact_motion, only: scene_t, curve_t, launch, expand_fully, curve_at, &
-      acceleration_at
-  use lapwing_flank_table, only: locate_piece
+  use lapwing_flank, only: locate_piece
+  use lapwing_flow_exact_curve, only: scene_t, curve_t, begin_curve, expand_fully
+  use lapwing_flow_exact_motion, only: curve_at, acceleration_at
+  use lapwing_flow_exact_panels, only: locate_panel
   implicit none
 
   type(tally_t) :: tally
@@ -41,7 +42,7 @@ contains
     real(wp) :: t
     call random_scene(mod(number, 2) == 0, 0.0_wp, scene)
     t = uniform(0.0_wp, scene%form%period)
-    call launch(scene, mod(number/2, 2) == 0, .true., t, locate_piece(scene%table, t, 1), &
+    call begin_curve(scene, mod(number/2, 2) == 0, t, locate_piece(scene%flank, t, 1), &
         uniform(-1.0_wp, 1.0_wp), uniform(-1.0_wp, 1.0_wp), curve)
     call expand_fully(scene, curve)
     panel = locate_panel(scene%form, t)
@@ -58,13 +59,12 @@ contains
     type(scene_t), intent(in) :: scene       !! scene
     type(curve_t), intent(in) :: curve       !! stretch
     real(wp) :: bend
-    bend = 1
-    if (.not. scene%form%harmonic) bend = 1 + maxval(abs(scene%table%coefficient(2:5, :)))
+    bend = 1 + largest_term(scene, 2)
     rounding = eps*(40*(abs(curve%x) + abs(curve%v) + 5)*6 &
         + (200 + 10*scene%form%n)*(bend + amplification(scene)))
   end function rounding
 
-  !> `first_meeting` from a panel's or from the stretch's beginning, which says where it is as well.
+  !> `first_crossing` from a panel's or from the arc's beginning, which says where it is as well.
   subroutine meet(scene, curve, panel, goal, from, to, found, s)
     type(scene_t), intent(in) :: scene       !! scene
     type(curve_t), intent(in) :: curve       !! stretch
@@ -74,7 +74,7 @@ contains
     logical, intent(out) :: found            !! whether it is met
     real(wp), intent(out) :: s               !! when
     real(wp) :: x, v, at(2)
-    call first_meeting(scene, curve, panel, from > 0, goal, from, to, found, s, x, v)
+    call first_crossing(scene, curve, panel, from > 0, goal, from, to, found, s, x, v)
     if (.not. found) return
     call curve_at(scene, curve, panel, s, at(1), at(2))
     call tally%near(x, at(1), rounding(scene, curve), "position said")
@@ -85,8 +85,7 @@ contains
   real(wp) function jerk_bound(scene)
     type(scene_t), intent(in) :: scene       !! scene
     jerk_bound = 400*longest_rate(scene)**3
-    if (.not. scene%form%harmonic) jerk_bound = jerk_bound &
-        + 60*(1 + scene%form%period)**2*maxval(abs(scene%table%coefficient(3:5, :)))
+    jerk_bound = jerk_bound + 60*(1 + scene%form%period)**2*largest_term(scene, 3)
   end function jerk_bound
 
   !> Smallest distance on an even grid of (from, until).
@@ -205,7 +204,7 @@ contains
       goal%wall = 0
       goal%touching = .true.
       speed = 10.0_wp**uniform(-12.0_wp, 0.0_wp)
-      call launch(scene, mod(i/2, 2) == 0, .true., t, locate_piece(scene%table, t, 1), 0.0_wp, &
+      call begin_curve(scene, mod(i/2, 2) == 0, t, locate_piece(scene%flank, t, 1), 0.0_wp, &
           goal%sign*speed, curve)
       call expand_fully(scene, curve)
       a = -goal%sign*acceleration_at(scene, curve, panel, 0.0_wp, 0.0_wp, goal%sign*speed)
@@ -402,4 +401,4 @@ contains
       value_of = value_of*x + c(k)
     end do
   end function value_of
-end program test_first_meeting
+end program test_first_crossing

@@ -4,7 +4,7 @@
 !>     x(s)  = d x0 + e (x0' + xi x0),   d = exp(-xi s) cos(w s),  e = exp(-xi s) sin(w s)/w,
 !>     x'(s) = d x0' - e (x0 + xi x0').
 !> Near xi = 1, and over short times, e is taken from the series of sin(w s)/w.
-module lapwing_flow_exact_oscillation
+module lapwing_system_oscillation
   use lapwing_kinds, only: wp
   implicit none
   private
@@ -244,4 +244,4 @@ contains
     low = x - high
     product_rest = ((high(1)*high(2) - a*b) + high(1)*low(2) + low(1)*high(2)) + low(1)*low(2)
   end function product_rest
-end module lapwing_flow_exact_oscillation
+end module lapwing_system_oscillation
