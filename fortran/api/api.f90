@@ -1,8 +1,10 @@
 !> What Python may call: the only file f2py reads. Flat, one procedure per operation; kinds are C
-!> kinds and nothing is optional. Arrays are contiguous: of others the compiler passes on copies, and
-!> takes for granted that there is memory for them. Layouts: `lapwing.engine`. `flank` is a table, a
-!> column for each knot: mesh phase, rad per period**0 to 5, whether the slope jumps (1); or a
-!> harmonic series, a column for each term: order, amplitude (rad), shift, four zeros, -1.
+!> kinds and nothing is optional. Arrays are contiguous: the compiler would pass on copies of others
+!> and take for granted that there is memory for them. Layouts: `lapwing.engine`.
+!>
+!> `flank` is a table, a column for each knot: mesh phase, rad per period**0 to 5, whether the slope
+!> jumps (1); or a harmonic series, a column for each term: order, amplitude (rad), shift, four
+!> zeros, -1.
 module api
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   implicit none

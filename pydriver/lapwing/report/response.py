@@ -246,8 +246,11 @@ def _force_sentence(attrs: dict[str, Any]) -> str:
         return "The rigid law has no spring, hence no mesh force is given."
     impulse, factor = attrs["impact_force_mean"], attrs.get("dynamic_factor", math.nan)
     share = f" (the impacts push another {impulse:.4g} N on average)" if impulse else ""
-    return (f"The mesh force is {value_words(attrs, 'mesh_force_mean')} N on average{share} and "
-            f"{value_words(attrs, 'mesh_force_peak')} N at its greatest"
+    text = f"The mesh force is {value_words(attrs, 'mesh_force_mean')} N on average{share}"
+    if not math.isfinite(attrs["mesh_force_peak"]):
+        return (text + "; its greatest value is not known, for the mesh period is too long beside "
+                "the free oscillation.")
+    return (text + f" and {value_words(attrs, 'mesh_force_peak')} N at its greatest"
             + f" (dynamic factor {factor:.4g})" * math.isfinite(factor) + ".")
 
 

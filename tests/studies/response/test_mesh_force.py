@@ -1,10 +1,16 @@
 """Mean and peak of the mesh force against quadrature and search on the run's own dense states."""
 
+import dataclasses
+import math
+import re
+
 import numpy as np
 import pytest
 
 from helpers import PAIR, scene_a, scene_c, scene_d
 from lapwing import EventKind, MotionState, simulate
+from lapwing.report.response import _paragraph, _table
+from lapwing.studies.response.mesh_force import MOST_PHASES, sample_phases
 from lapwing.studies.response.run import response
 
 NEWTON = PAIR.mesh_stiffness * PAIR.pinion_base_lever
@@ -89,6 +95,24 @@ def test_no_stated_error_of_periodic_responses_is_exceeded(options, every):
     periodic, exceeded = misses(options, CASES[::every])
     assert exceeded == []
     assert periodic >= PERIODIC[every]
+
+
+@pytest.mark.parametrize("rpm", [1.0, 1e-3])
+def test_a_long_mesh_period_takes_no_more_samples_than_it_may(rpm):
+    """As many as the series needs, or no peak; the mean comes from momentum all the same."""
+    osc = dataclasses.replace(scene_d(5.5), mesh_frequency_ratio=scene_d(5.5).mesh_frequency_ratio
+                              * rpm / 240)
+    grid, stored = sample_phases(osc, 64)
+    assert grid.size <= MOST_PHASES + osc.te.knots.size
+    assert np.array_equal(grid[stored], np.arange(64) / 64)
+    found = response(osc, PAIR, name="slow", settle=1, record=2, samples_per_cycle=64).attrs
+    # Over a period the momentum of the relative motion comes back: what presses is F.
+    assert found["mesh_force_mean"] + found["impact_force_mean"] == pytest.approx(
+        NEWTON * osc.force, rel=1e-6)
+    assert math.isfinite(found["mesh_force_peak"]) == (rpm == 1.0)
+    told = _paragraph(found)
+    assert ("greatest value is not known" in told) == (rpm < 1.0)
+    assert not re.search(r"\b(nan|inf)\b", told + " ".join(_table([found])))
 
 
 @pytest.mark.parametrize("osc", [scene_a(3.3), scene_d(5.5), scene_c(12)])

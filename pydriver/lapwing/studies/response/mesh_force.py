@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 # 2πnh <= 1/2 for each harmonic n: what is left out is below 1/(2^18·18!) = 6e-22.
 TERMS = 18
 LONGEST = 0.5
+# Samples of a cycle taken for the series' sake: enough for mesh frequencies down to 1/4000 of the
+# natural one. What needs more has no peak; else memory and time would grow with this ratio.
+MOST_PHASES = 50_000
 BEGINS = {EventKind.ENGAGE: MotionState.ENGAGEMENT, EventKind.CHATTER_END: MotionState.ENGAGEMENT,
           EventKind.BACK_ENGAGE: MotionState.BACK_ENGAGEMENT,
           EventKind.BACK_CHATTER_END: MotionState.BACK_ENGAGEMENT}
@@ -41,19 +44,31 @@ ENDS = (EventKind.RELEASE, EventKind.BACK_RELEASE)
 def sample_phases(osc: Oscillator, samples_per_cycle: int) -> tuple[NDArray[Any], NDArray[Any]]:
     """Phases to sample, close enough for the series, and which of them are the even ones stored.
 
-    Every knot of a table is among them, so that g is one polynomial on each interval.
+    Every knot of a table is among them, so that g is one polynomial on each interval. Where the
+    series needs more than `MOST_PHASES`, there are no more than those stored and the knots.
 
     Returns
     -------
     (n,) array of mesh phases, rising; (samples_per_cycle,) array of indices into them
     """
-    order = np.max(osc.te.harmonics[:, 0], initial=0.0) if len(osc.te.harmonics) else 0.0
-    longest = LONGEST * min(1.0, 1 / max(2 * osc.damping_ratio, 1e-300),
-                            osc.period / (2 * math.pi * order) if order else math.inf)
-    each = math.ceil(osc.period / (longest * samples_per_cycle))
+    each = math.ceil(osc.period / (_longest(osc) * samples_per_cycle))
+    if samples_per_cycle * each > MOST_PHASES:
+        each = 1
     even = np.arange(samples_per_cycle * each) / (samples_per_cycle * each)
-    grid = even if order else np.union1d(even, osc.te.knots[:-1])
+    grid = even if _order(osc) else np.union1d(even, osc.te.knots[:-1])
     return grid, np.searchsorted(grid, np.arange(samples_per_cycle) / samples_per_cycle)
+
+
+def _longest(osc: Oscillator) -> float:
+    """The longest interval that the series takes, in τ."""
+    order = _order(osc)
+    return LONGEST * min(1.0, 1 / max(2 * osc.damping_ratio, 1e-300),
+                         osc.period / (2 * math.pi * order) if order else math.inf)
+
+
+def _order(osc: Oscillator) -> float:
+    """The highest order of a harmonic series, 0 for a table."""
+    return np.max(osc.te.harmonics[:, 0], initial=0.0) if len(osc.te.harmonics) else 0.0
 
 
 def flank_motion(osc: Oscillator, phase: NDArray[Any], side: str = "right") -> list[NDArray[Any]]:
@@ -73,7 +88,8 @@ def deflection(osc: Oscillator, state: NDArray[Any], phi: NDArray[Any], phi_dot:
 def contact_forces(osc: Oscillator, recording: Recording) -> NDArray[Any]:
     """Mean and largest magnitude of W/(k'·lever) in each cycle, (2, record), rad.
 
-    Impacts are not included. NaN where a run failed, and under the rigid law, which has no spring.
+    Impacts are not included. NaN where a run failed, and under the rigid law, which has no spring;
+    the largest also where the phases of the recording lie too far apart for the series.
     """
     record = len(recording.cycles)
     result = np.full((2, record), np.nan)
@@ -82,11 +98,13 @@ def contact_forces(osc: Oscillator, recording: Recording) -> NDArray[Any]:
     size = recording.grid.size
     phase = np.append(recording.grid, 1.0)
     flank = flank_motion(osc, phase)
+    # Phases are fractions of the period to rounding.
+    near = osc.period * np.diff(phase).max() <= _longest(osc) * (1 + 1e-9)
     log = of_kind(recording.events, (*BEGINS, *ENDS))
     for m in range(record):
         samples = recording.samples[m * size:(m + 1) * size + 1]
         nodes = _nodes(osc, phase, samples, flank, log[log["cycle"] == m])
-        result[:, m] = _mean(osc, nodes), _peak(osc, nodes)
+        result[:, m] = _mean(osc, nodes), _peak(osc, nodes) if near else math.nan
     return result
 
 

@@ -137,6 +137,8 @@ def response(osc: Oscillator, pair: GearPair, *, name: str, start: Any = "rest",
         max_steps_per_cycle=(max_steps_per_cycle, 10_000_000))
     rtol = numerics.rtol
     grid, stored = sample_phases(osc, samples_per_cycle)
+    estimates.require(estimates.response_bytes(record_cycles, grid.size, exponents), "response",
+                      "record_cycles: so long a mesh period is sampled more closely than asked for")
     span = (settle_cycles + (phase > 0), record_cycles)
     other = max(rtol / 100, TIGHTEST_RTOL) if rtol >= 10 * TIGHTEST_RTOL else 100 * rtol
     main, reference = (
@@ -264,7 +266,9 @@ class _Outcome:
         """
         if not self.period:
             return mean_interval(self.by_cycle[key]).half_width if key in MEANS else math.nan
-        size = self.number("mesh_force_peak" if key == "mesh_force_mean" else key)
+        size = self.number(key)
+        if key == "mesh_force_mean":
+            size = np.fmax(abs(size), self.number("mesh_force_peak"))
         counted = key in MEANS[:5]
         return SAFETY * change + abs(self.transient(key)) \
             + (0.0 if counted else ROUNDING * abs(size))
