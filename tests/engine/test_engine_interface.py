@@ -13,7 +13,7 @@ import pytest
 from lapwing._engine import api
 
 import lapwing
-from helpers import EPS, ROOT, SHIPPED, dataset_bytes, scene_a, scene_c, scene_d
+from helpers import EPS, PAIR, ROOT, SHIPPED, dataset_bytes, scene_a, scene_c, scene_d
 from lapwing import Status, engine, simulate
 from lapwing.base import codes
 from lapwing.base.threads import default_threads
@@ -233,3 +233,41 @@ def test_without_a_word_all_allowed_processors_and_no_more(monkeypatch):
     allowed = (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity")
                else os.cpu_count())
     assert 1 <= default_threads() <= allowed
+
+
+# --- what is made once -------------------------------------------------------------------------
+
+
+def test_arguments_are_made_once_and_change_nothing():
+    osc = scene_a(3.3)
+    first, again = (simulate(osc, cycles=5) for _ in range(2))
+    (kept,) = osc.kept.values()
+    other = simulate(scene_a(3.3), cycles=5)
+    for run in (again, other):
+        assert run.final == first.final and dataset_bytes(run.events) == dataset_bytes(first.events)
+    simulate(osc, cycles=5, rtol=1e-8)
+    assert len(osc.kept) == 2 and kept[1] is next(iter(osc.kept.values()))[1]
+    for k in range(3 * calls.MOST_KEPT):
+        simulate(osc, cycles=1, rtol=1e-8 * (1 + k))
+    assert len(osc.kept) <= calls.MOST_KEPT
+    assert "kept" not in osc.__getstate__() and not osc.with_force(1e-5).kept
+
+
+def test_settings_that_are_kept_are_still_told_by_their_kind():
+    simulate(scene_a(3.3), cycles=1, max_events_per_cycle=1)
+    for wrong in (True, 1.0, [1]):
+        with pytest.raises((TypeError, ValueError), match="max_events_per_cycle"):
+            simulate(scene_a(3.3), cycles=1, max_events_per_cycle=wrong)
+
+
+def test_datasets_of_sweeps_share_no_attributes():
+    def swept():
+        return lapwing.sweep(PAIR, SHIPPED, values=[1.8], starts=("rest",), settle=0, record=2,
+                             mesh_frequency_hz=100.0)
+
+    one = swept()
+    one["start"].attrs["mine"] = one["impacts"].attrs["mine"] = 1
+    one["phi"][:] = 0
+    other = swept()
+    assert "mine" not in other["start"].attrs and "mine" not in other["impacts"].attrs
+    assert np.any(other["phi"].values != 0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -175,14 +176,26 @@ def worded(dataset: xr.Dataset) -> xr.Dataset:
     """
     give_accessor()
     for name, variable in dataset.variables.items():
-        key = str(name)
-        bare = key if key in DESCRIPTIONS else key.removeprefix("cycle_")
-        own = (variable.attrs.get("units", "1"),
-               variable.attrs.get("long_name", key.replace("_", " ")))
-        units, long_name = DESCRIPTIONS.get(bare, own)
-        variable.attrs = {"long_name": long_name, **({"units": units} if units else {}),
-                          **_flags(bare, variable.dtype)}
+        units, long_name = (variable.attrs.get(key) for key in ("units", "long_name"))
+        variable.attrs = _attributes(
+            str(name), units if units is None else str(units),
+            long_name if long_name is None else str(long_name), variable.dtype)
     return dataset
+
+
+@lru_cache(maxsize=1024)
+def _attributes(key: str, units: str | None, long_name: str | None,
+                dtype: np.dtype[Any]) -> dict[str, Any]:
+    """Attributes of a variable that has some units and a long name; xarray copies them."""
+    bare = key if key in DESCRIPTIONS else key.removeprefix("cycle_")
+    own = ("1" if units is None else units,
+           key.replace("_", " ") if long_name is None else long_name)
+    units, long_name = DESCRIPTIONS.get(bare, own)
+    attrs = {"long_name": long_name, **({"units": units} if units else {}), **_flags(bare, dtype)}
+    for values in attrs.values():
+        if isinstance(values, np.ndarray):
+            values.flags.writeable = False  # they are those of many variables
+    return attrs
 
 
 def _flags(name: str, dtype: np.dtype[Any]) -> dict[str, Any]:

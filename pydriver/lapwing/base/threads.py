@@ -60,7 +60,7 @@ def usable_threads(wanted: int, tasks: int) -> int:
     A process born by fork gets one: OpenMP's other threads do not live on in it, and waiting for
     them would never end.
     """
-    if _state["forked"]:
+    if _state["forked"] or wanted <= 1 or tasks <= 1:
         return 1
     wanted = max(1, min(wanted, tasks, most_threads()))
     return wanted if wanted == 1 else 1 + _can_begin(wanted - 1)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
@@ -60,6 +60,9 @@ EXACT_CHATTER_TOL = 1e-13
 GRADED_SPAN = 1.31e5
 # A longer harmonic series is taken from its table (flank/series.f90, max_terms).
 MAX_TERMS = 8
+
+# Ways to run an oscillator for which its arguments are kept.
+MOST_KEPT = 16
 
 # Transmission error -> its arrays as the engine takes them, by form.
 _FLANKS = WeakKeyDictionary()
@@ -115,20 +118,7 @@ def method_of(osc: Oscillator, numerics: Numerics) -> str:
         where 'exact' is asked for and there is none, or the response is more than `MOST_AMPLIFIED`
         times its cause.
     """
-    if numerics.method == "exact" and osc.degrees_of_freedom == 2:
-        raise ValueError("method = 'exact' goes with degrees_of_freedom = 1, expected 'rk4' or "
-                         "'auto'")
-    if numerics.method == "rk4" or osc.degrees_of_freedom == 2:
-        return "rk4"
-    amplified = response_amplification(osc)
-    span = osc.period * max(1.0, 2 * osc.damping_ratio)
-    graded = span > GRADED_SPAN and not _series_is_taken(osc.te)
-    if amplified <= MOST_AMPLIFIED or graded:
-        return "exact"
-    if numerics.method == "auto":
-        return "rk4"
-    raise ValueError(f"method = 'exact': so near to an undamped resonance (amplification "
-                     f"{amplified:.3g}) the closed form loses its digits; take 'rk4'")
+    return _method(osc, osc.mesh_frequency_ratio, osc.damping_ratio, numerics)
 
 
 def common_method(points: Any, numerics: Numerics) -> str:
@@ -140,16 +130,31 @@ def common_method(points: Any, numerics: Numerics) -> str:
     numerics : Numerics
     """
     points = points if isinstance(points, Points) else Points.of(points)
-    osc = points.shared
+    ratio, damping = points.mesh_frequency_ratio, points.damping_ratio
     # Neither forces nor anything else but these matter here.
-    rows = np.column_stack([points.mesh_frequency_ratio, points.damping_ratio])
-    if np.all(rows == rows[0]):
-        rows = rows[:1]
-    for ratio, damping in np.unique(rows, axis=0):
-        if method_of(replace(osc, mesh_frequency_ratio=ratio, damping_ratio=damping),
-                     numerics) == "rk4":
-            return "rk4"
-    return "exact"
+    if np.all(ratio == ratio[0]) and np.all(damping == damping[0]):
+        ratio, damping = ratio[0], damping[0]
+    return _method(points.shared, ratio, damping, numerics)
+
+
+def _method(osc: Oscillator, ratio: Any, damping: Any, numerics: Numerics) -> str:
+    """`common_method` of all mesh frequency ratios and damping ratios (numbers or arrays)."""
+    if numerics.method == "exact" and osc.degrees_of_freedom == 2:
+        raise ValueError("method = 'exact' goes with degrees_of_freedom = 1, expected 'rk4' or "
+                         "'auto'")
+    if numerics.method == "rk4" or osc.degrees_of_freedom == 2:
+        return "rk4"
+    amplified = response_amplification(osc, ratio, damping)
+    span = 2 * np.pi / ratio * np.maximum(1.0, 2 * damping)
+    graded = (span > GRADED_SPAN) & (not _series_is_taken(osc.te))
+    lost = (amplified > MOST_AMPLIFIED) & ~graded
+    if not np.any(lost):
+        return "exact"
+    if numerics.method == "auto":
+        return "rk4"
+    raise ValueError(f"method = 'exact': so near to an undamped resonance (amplification "
+                     f"{np.max(amplified[lost]):.3g}) the closed form loses its digits; take "
+                     "'rk4'")
 
 
 def _real_parameters(points: Any, numerics: Numerics, method: str, wanted: Wanted) -> list[float]:
@@ -178,6 +183,20 @@ def _choices(osc: Oscillator, numerics: Numerics, method: str, wanted: Wanted, s
              wanted.strobe or wanted.tangent, wanted.cycles, settle, record,
              Method[method.upper()], wanted.tangent, numerics.copy_repeats, osc.degrees_of_freedom)
     return np.array([int(code) for code in codes], dtype=np.intc)
+
+
+def _prepared(osc: Oscillator, numerics: Numerics, wanted: Wanted) -> tuple[Any, ...]:
+    """Method and arguments of one oscillator, made once for it."""
+    made = osc.kept
+    if (numerics, wanted) not in made:
+        if len(made) >= MOST_KEPT:
+            made.clear()
+        method = method_of(osc, numerics)
+        made[numerics, wanted] = (
+            method, _flank_argument(osc.te, osc.back_flank_te, method),
+            _real_parameters(Points.of([osc]), numerics, method, wanted)[:, 0],
+            _choices(osc, numerics, method, wanted))
+    return made[numerics, wanted]
 
 
 def find_period(phi: Any, phi_dot: Any, labels: Any, scale: Any, most: Any) -> Any:
@@ -209,6 +228,10 @@ def flank_motion(osc: Oscillator, t: Any) -> Any:
     return api.evaluate_table(_flank_argument(osc.te, False), osc.flank_scale, osc.period, t)
 
 
+def _one(parts: list[NDArray[Any]]) -> NDArray[Any]:
+    return parts[0] if len(parts) == 1 else np.vstack(parts)
+
+
 def thinned(checkpoints: Any) -> Any:
     """Every other of too many checkpoints, the last one always."""
     return checkpoints if len(checkpoints) <= MOST_CHECKPOINTS else checkpoints[::-2][::-1]
@@ -225,10 +248,7 @@ class TrajectoryCall:
     def __init__(self, osc: Oscillator, start: tuple[float, float, float, float],
                  blob: NDArray[Any] | None = None, cycle: int = 0, *, numerics: Numerics,
                  wanted: Wanted) -> None:
-        self.method = method = method_of(osc, numerics)
-        self._fixed = (_flank_argument(osc.te, osc.back_flank_te, method),
-                       _real_parameters(Points.of([osc]), numerics, method, wanted)[:, 0],
-                       _choices(osc, numerics, method, wanted))
+        self.method, *self._fixed = _prepared(osc, numerics, wanted)
         self._start = np.array(start, dtype=float)
         self.blob = np.zeros(BLOB_SIZE) if blob is None else blob.copy()
         self._wanted = wanted
@@ -261,9 +281,10 @@ class TrajectoryCall:
                 *self._fixed, self._start, np.array([*step_target, CALL_SECONDS], dtype=float),
                 self.blob, rest_times, rest, log, table, tangent)
             self._start[0] = GO_ON
-            taken = int(np.count_nonzero(~np.isnan(rest[0])))
-            samples[:, sampled:sampled + taken] = rest[:, :taken]
-            sampled += taken
+            if sampled < times.shape[1]:
+                taken = int(np.count_nonzero(~np.isnan(rest[0])))
+                samples[:, sampled:sampled + taken] = rest[:, :taken]
+                sampled += taken
             logs.append(log[:, :int(done[1])].T.copy())
             cycles.append(table[:, :int(done[2])].T.copy())
             tangents.append(tangent[:, :int(done[2])].T.copy())
@@ -276,10 +297,10 @@ class TrajectoryCall:
         self.status = status
         self.cycle, self.t, self.motion_state, self.phi, self.phi_dot = (
             cycle, done[4], int(done[5]), done[6], done[7])
-        self.events = named(np.vstack(logs), EVENT_TABLE)
-        self.cycles, self.cycle_means = with_means(np.vstack(cycles), CYCLE_TABLE)
+        self.events = named(_one(logs), EVENT_TABLE)
+        self.cycles, self.cycle_means = with_means(_one(cycles), CYCLE_TABLE)
         self.samples, self.sample_means = with_means(samples.T, SAMPLE_TABLE)
-        self.tangent = named(np.vstack(tangents), tangent_table(2 + self._more)) \
+        self.tangent = named(_one(tangents), tangent_table(2 + self._more)) \
             if self._wanted.tangent else None
         return self
 
@@ -346,9 +367,11 @@ def sweep(points: Any, lines: list[tuple[int, int, bool]], starts: list[Any], *,
     method = common_method(points, numerics)
     flank = _flank_argument(shared.te, shared.back_flank_te, method)
     reals = _real_parameters(points, numerics, method, wanted)
-    table = np.array([[first + 1, last + 1, carried, first + 1, 0]
-                      for first, last, carried in lines], dtype=np.intc)
-    table = np.asfortranarray(table.T)
+    lines = np.array(lines, dtype=np.intc).reshape(-1, 3)
+    # First and last point, carried, the next point, the stage it is in.
+    table = np.zeros((5, len(lines)), dtype=np.intc, order="F")
+    table[:3], table[3] = lines.T, lines[:, 0]
+    table[[0, 1, 3]] += 1
     starts = np.asfortranarray(np.array(starts, dtype=float).reshape(-1, 4).T)
     blobs = np.zeros((BLOB_SIZE, len(lines)), order="F")
     wants_cycles = wanted.cycles or wanted.strobe or wanted.tangent

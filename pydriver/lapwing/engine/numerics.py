@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from lapwing.base import arguments
@@ -90,10 +91,20 @@ def chosen(numerics: Numerics | None, **settings: tuple[Any, Any]) -> Numerics:
         where it is no `Numerics`, or a setting is given beside it.
     """
     if numerics is None:
-        return Numerics(**{name: value for name, (value, _) in settings.items()})
+        given = {name: value for name, (value, _) in settings.items()}
+        try:
+            return _made(**given)
+        except TypeError:  # what cannot be hashed is no number
+            return Numerics(**given)
     arguments.instance("numerics", numerics, Numerics)
     for name, (value, default) in settings.items():
         if value is not default and value != default:
             raise ValueError(f"numerics and {name} are both given, expected one of them: "
                              f"Numerics({name}=...)")
     return numerics
+
+
+@lru_cache(maxsize=64, typed=True)
+def _made(**given: Any) -> Numerics:
+    """The same settings are checked once."""
+    return Numerics(**given)

@@ -284,7 +284,8 @@ def _refuse_resonance(damping_ratio: float, period: float) -> None:
                          f"{whole} natural period(s)")
 
 
-def response_amplification(osc: Oscillator) -> float:
+def response_amplification(osc: Oscillator, ratio: ArrayLike | None = None,
+                           damping: ArrayLike | None = None) -> NDArray[np.float64]:
     """How many times its cause the engaged response to the transmission error can be.
 
     Of a harmonic of rate r: r²/|1 - r² + 2iξr|, the largest of them; of a table: 1/|1 - exp(λP)|,
@@ -293,20 +294,24 @@ def response_amplification(osc: Oscillator) -> float:
     Parameters
     ----------
     osc : Oscillator
+    ratio, damping : array or None, mesh frequency ratios and damping ratios; None: its own
 
     Returns
     -------
-    float; infinite at an undamped resonance
+    array of the shape of both; infinite at an undamped resonance
     """
+    xi = np.asarray(osc.damping_ratio if damping is None else damping, dtype=float)
+    ratio = np.asarray(osc.mesh_frequency_ratio if ratio is None else ratio, dtype=float)
     if osc.te.peak_to_peak == 0 or osc.contact_law == "rigid":
-        return 0.0
-    xi = osc.damping_ratio
+        return np.zeros(np.broadcast_shapes(xi.shape, ratio.shape))
     if len(osc.te.harmonics):
         order, amplitude, _ = osc.te.harmonics.T
-        rate = osc.mesh_frequency_ratio * order[(order > 0) & (amplitude != 0)]
-        denominator, numerator = np.abs(1 - rate**2 + 2j * xi * rate), rate**2
+        rate = ratio[..., None] * order[(order > 0) & (amplitude != 0)]
+        denominator, numerator = np.abs(1 - rate**2 + 2j * xi[..., None] * rate), rate**2
     else:
-        exponent = -xi + np.array([1, -1]) * np.sqrt(complex(xi**2 - 1))
-        denominator, numerator = np.abs(1 - np.exp(exponent * osc.period)), np.ones(2)
+        root = np.sqrt(xi**2 - 1 + 0j)
+        exponent = -xi[..., None] + np.stack([root, -root], axis=-1)
+        denominator = np.abs(1 - np.exp(exponent * (2 * np.pi / ratio)[..., None]))
+        numerator = np.ones(2)
     with np.errstate(divide="ignore"):
-        return float(np.max(numerator / denominator))
+        return np.asarray(np.max(numerator / denominator, axis=-1))

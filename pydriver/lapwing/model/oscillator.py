@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
+from functools import cached_property
 from typing import Any
 
 from numpy.typing import NDArray
@@ -252,6 +253,14 @@ class Oscillator:
         """
         motion = max(abs(self.force), self.gear_ratio * self.te.peak_to_peak)
         return min(self.backlash, motion) if motion > 0 else self.backlash
+
+    @cached_property
+    def kept(self) -> dict[Any, Any]:
+        """What is made of it once and serves as long as it lives; it makes no difference to it."""
+        return {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "kept"}
 
     def with_force(self, force: float) -> Oscillator:
         """The same oscillator under another mean force F (rad); ParameterError as `Oscillator`."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -106,7 +107,8 @@ def sweep(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torq
         wanted = replace(wanted, speed_edges=tuple(_speed_edges(oscillators)))
     lines = _lines(starts, len(values))
     result = engine.sweep(
-        oscillators.points.repeated(len(starts)), lines, [(engine.REST, 0, 0, phase)] * len(lines),
+        oscillators.points.repeated(len(starts)), lines,
+        np.tile([engine.REST, 0.0, 0.0, phase], (len(lines), 1)),
         numerics=numerics, wanted=wanted, settle=settle, record=record, log_room=max_impacts,
         threads=threads, progress=progress,
         keep_interrupted=keep_interrupted)
@@ -159,7 +161,7 @@ def _of_pair(pair: GearPair, parameter: str) -> dict[str, float]:
         "natural_frequency", "pinion_base_lever")}
 
 
-def _lines(starts: tuple[str, ...], n: int) -> list[tuple[int, int, bool]]:
+def _lines(starts: tuple[str, ...], n: int) -> NDArray[Any]:
     """Lines of the engine, the long ones first so that they are not waited for."""
     carried, single = [], []
     for block, start in enumerate(starts):
@@ -169,8 +171,9 @@ def _lines(starts: tuple[str, ...], n: int) -> list[tuple[int, int, bool]]:
         elif start == "down":
             carried.append((last, first, True))
         else:
-            single += [(i, i, False) for i in range(first, last + 1)]
-    return carried + single
+            points = np.arange(first, last + 1)
+            single.append(np.stack([points, points, np.zeros_like(points)], axis=-1))
+    return np.concatenate([np.array(carried, dtype=int).reshape(-1, 3), *single])
 
 
 def _dataset(result: SweepResult, oscillators: Varied, parameter: str,
@@ -181,7 +184,6 @@ def _dataset(result: SweepResult, oscillators: Varied, parameter: str,
     shape = (len(starts), len(values))
     by_point = ("start", parameter)
     outcome = result.outcome.reshape(shape)
-    coords: dict[str, Any] = {"start": list(starts), parameter: values}
     data: dict[str, Any] = {
             "status": (by_point, outcome["status"].astype(np.int8)),
             "force": (parameter, oscillators.points.force)}
@@ -196,24 +198,52 @@ def _dataset(result: SweepResult, oscillators: Varied, parameter: str,
         data |= _stability(result, tables, data["period"][1], oscillators, by_point)
     if wanted.impacts:
         data |= _impacts(result, oscillators, shape, by_point)
+    coords = _coordinates(starts, parameter, values)
     if wanted.speed_edges:
-        coords["speed_edge"] = ("speed_edge", list(wanted.speed_edges))
+        coords = coords.assign(speed_edge=("speed_edge", list(wanted.speed_edges)))
         data |= _speeds(result, shape, by_point, attrs["record"])
     work = work_counts(np.nansum(result.outcome["work"], axis=0))
     return worded(xr.Dataset(data, coords, {**attrs, "phase": phase}
                              | {f"work_{name}": count for name, count in work.items()}))
 
 
+@cache
+def _start_coordinate(starts: tuple[str, ...]) -> xr.Coordinates:
+    import xarray as xr
+
+    return xr.Coordinates({"start": list(starts)})
+
+
+def _coordinates(starts: tuple[str, ...], parameter: str,
+                 values: NDArray[Any]) -> xr.Coordinates:
+    """Starts and values, their indexes made once: they are half of what a small Dataset costs."""
+    import xarray as xr
+
+    start, index = _start_coordinate(starts), xr.indexes.PandasIndex(values, parameter)
+    return xr.Coordinates({**start.variables, **index.create_variables()},
+                          {**start.xindexes, parameter: index})
+
+
 def _classes(outcome: Any) -> NDArray[Any]:
     """Class of each point, `period.motion_class`, as array of text."""
     rows = np.stack([outcome[name] for name in ("status", *CLASS)], axis=-1)
-    rows = np.nan_to_num(rows.reshape(-1, 1 + len(CLASS)))
+    rows = rows.reshape(-1, 1 + len(CLASS))
+    rows[np.isnan(rows)] = 0
     rows[rows[:, 1] == NO_PERIOD, 2:4] = 0
-    kinds, which = np.unique(rows, axis=0, return_inverse=True)
-    names: dict[int, str | None] = {Status.OK: None, Status.UNFINISHED: "unfinished"}
-    return np.array([
-        names.get(status, "failed") or class_name(int(period), int(drive), int(coast), chatter)
-        for status, period, drive, coast, chatter in kinds])[which].reshape(outcome.shape)
+    names: dict[tuple[float, ...], str] = {}
+    found = []
+    for row in map(tuple, rows.tolist()):
+        if row not in names:
+            names[row] = _class(*row)
+        found.append(names[row])
+    return np.array(found).reshape(outcome.shape)
+
+
+def _class(status: float, period: float, arrivals: float, back_arrivals: float,
+           chatter: float) -> str:
+    if status != Status.OK:
+        return "unfinished" if status == Status.UNFINISHED else "failed"
+    return class_name(int(period), int(arrivals), int(back_arrivals), bool(chatter))
 
 
 def _stability(result: SweepResult, tables: NDArray[Any], periods: NDArray[Any],
