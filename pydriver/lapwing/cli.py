@@ -26,7 +26,7 @@ from lapwing.console import version_line
 
 if TYPE_CHECKING:
     from lapwing.deck.deck import Deck
-    from lapwing.progress import Lines
+    from lapwing.progress import Bars, Lines
 
 OK, FAILED, BAD_INPUT, SURROUNDINGS, INTERRUPTED = (
     ExitCode.GOOD, ExitCode.FAILED, ExitCode.BAD_INPUT, ExitCode.SURROUNDINGS,
@@ -241,7 +241,7 @@ def _derived(deck: Deck) -> str:
 
 def _refuse_equal_stems(decks: list[Path]) -> None:
     """Two decks of one stem would write into one folder."""
-    seen = {}
+    seen: dict[str, Path] = {}
     for deck in decks:
         if deck.stem in seen:
             _complain(f"{seen[deck.stem]} and {deck} would both write results/{deck.stem}; "
@@ -283,7 +283,7 @@ def _each(decks: list[Path], settings: list[str], carry_out: Callable[..., Any])
     """Carry out one deck after the other until a signal; the worst exit code."""
     loaded, code = _load(decks, settings)
     for deck in loaded:
-        ended = carry_out(deck, _telling(deck.title, _studies(deck)))
+        ended: ExitCode = carry_out(deck, _telling(deck.title, _studies(deck)))
         code = max(code, ended)
         if signals.heard() is not None or ended >= ExitCode.STOPPED:
             return max(code, exit_codes.of_signal(signals.heard()))
@@ -375,11 +375,11 @@ def _say_findings(found: Any) -> None:
         print(on_console(found))
 
 
-def _telling(title: Any, what: str) -> Lines:
+def _telling(title: object, what: str) -> Bars | Lines:
     """What tells how far a deck is: bars on a terminal, else a line at once and one a minute."""
     from lapwing.progress import Bars, Lines
 
-    progress = Bars() if sys.stderr.isatty() else Lines(title, sys.stderr)
+    progress = Bars() if sys.stderr.isatty() else Lines(str(title), sys.stderr)
     if isinstance(progress, Lines):
         progress.say(f"started; {what}")
     return progress

@@ -6,6 +6,7 @@ import contextlib
 import io
 import os
 import sys
+from typing import Any
 
 from lapwing.base.exit_codes import ExitCode
 
@@ -28,9 +29,10 @@ class Outlet(io.RawIOBase):
     """
 
     def __init__(self, descriptor: int) -> None:
-        self._descriptor, self.lost = descriptor, None
+        self._descriptor = descriptor
+        self.lost: OSError | None = None
 
-    def write(self, data: bytes) -> int:
+    def write(self, data: Any) -> int:
         """Write what the descriptor takes."""
         if self.lost is None:
             try:
@@ -79,7 +81,8 @@ def flush_streams(code: int) -> int:
     """
     for name in _STREAMS:
         getattr(sys, name).flush()
-    lost = sys.stdout.buffer.raw.lost
+    outlet: Any = sys.stdout.buffer
+    lost: OSError | None = outlet.raw.lost
     if lost is None or isinstance(lost, BrokenPipeError):
         return code
     print(f"standard output: {lost.strerror}", file=sys.stderr, flush=True)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import shutil
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -74,12 +75,12 @@ class Outcome:
     folder: Path
     reused: bool = False
     interrupted: bool = False
-    failed: tuple = ()
-    undrawn: dict = field(default_factory=dict)
+    failed: tuple[Any, ...] = ()
+    undrawn: dict[str, Any] = field(default_factory=dict)
     refused: bool = False
-    findings: tuple = ()
-    headlines: tuple = ()
-    notes: tuple = ()
+    findings: tuple[Any, ...] = ()
+    headlines: tuple[Any, ...] = ()
+    notes: tuple[Any, ...] = ()
 
 
 @dataclass
@@ -95,7 +96,7 @@ class _There:
 
     manifest: Manifest | None
     inputs: str | None
-    known: tuple = ()
+    known: tuple[Any, ...] = ()
 
     @property
     def complete(self) -> bool:
@@ -197,7 +198,7 @@ def _stored_inputs(result: Path) -> str | None:
     return None
 
 
-def _figure_names(result: Path) -> tuple[str, str, str, str]:
+def _figure_names(result: Path) -> tuple[str, ...]:
     """Names of the figures that belong to a result file, as far as it can be read."""
     from lapwing.results import read_results
 
@@ -240,14 +241,15 @@ class _Run:
                  formats: tuple[str, ...]) -> None:
         self.deck, self.folder, self.there, self.threads = deck, folder, there, threads
         self.report = progress.study if progress else (lambda *_: (lambda _: None))
-        self.inputs, self.notes = used_hash(deck), []
+        self.inputs = used_hash(deck)
+        self.notes: list[str] = []
         present = _formats_in(there.manifest)
         # What was asked for is there already; formats once drawn are drawn again with the rest.
         self.drawn_already = set(formats) <= set(present)
         self.formats = tuple(sorted({*formats, *present}, reverse=True))
         self.aside = folder.with_name(folder.name + INTERRUPTED)
         # A verified result file that lacks nothing, and its checksums, where there is one.
-        self.whole = None
+        self.whole: tuple[Path, dict[str, str]] | None = None
 
     def carry_out(self, force: bool) -> Outcome:
         """Reuse, draw again, or compute; the `Outcome`."""
@@ -316,7 +318,8 @@ class _Run:
         from lapwing.studies.of_deck import studies_of
 
         folder = self.aside if found.interrupted and self.there.complete else self.folder
-        undrawn, refused, drawn = {}, False, False
+        undrawn: dict[str, str] = {}
+        refused = drawn = False
         with contextlib.ExitStack() as stack:
             known = self.there.known
             if folder == self.aside:
@@ -343,7 +346,7 @@ class _Run:
                 staging.path, state=COMPLETE if drawn and not undrawn else INCOMPLETE,
                 inputs=self.inputs, program=__version__, engine=engine_digest(),
                 variables=variables)
-            taken = ()
+            taken: Sequence[str] = ()
             with contextlib.suppress(KeyboardInterrupt), held():
                 taken = staging.publish(manifest, known)
             for name in taken:

@@ -12,7 +12,7 @@ import os
 import warnings
 from collections.abc import Callable, Iterable
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from lapwing.base.messages import cut
 if TYPE_CHECKING:
     from lapwing.base.codes import MotionState
 
+Kind = TypeVar("Kind")
 # The engine counts in 32 bits.
 MAX_INT = 2**31 - 1
 # Parameters lie between these, or are zero: squares and the products of two of those stay far
@@ -183,7 +184,7 @@ def path(name: str, value: object) -> str | os.PathLike[str]:
     return value
 
 
-def instance(name: str, value: object, kind: type) -> object:
+def instance(name: str, value: object, kind: type[Kind]) -> Kind:
     """An object of a class of this package."""
     if not isinstance(value, kind):
         raise TypeError(wrong(name, value, f"an object of class {kind.__name__}"))

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from lapwing._engine import api
 from lapwing.base.codes import ContactLaw, Gap, ImpactLaw, Method, Status
@@ -65,7 +65,7 @@ MAX_TERMS = 8
 MOST_KEPT = 16
 
 # Transmission error -> its arrays as the engine takes them, by form.
-_FLANKS = WeakKeyDictionary()
+_FLANKS: WeakKeyDictionary[TransmissionError, dict[Any, Any]] = WeakKeyDictionary()
 
 
 def _series_is_taken(te: TransmissionError) -> bool:
@@ -157,7 +157,7 @@ def _method(osc: Oscillator, ratio: Any, damping: Any, numerics: Numerics) -> st
                      "'rk4'")
 
 
-def _real_parameters(points: Any, numerics: Numerics, method: str, wanted: Wanted) -> list[float]:
+def _real_parameters(points: Any, numerics: Numerics, method: str, wanted: Wanted) -> NDArray[Any]:
     """Real parameters of each point, (n_reals, n), in the order of api/marshal.f90."""
     osc, n = points.shared, len(points)
     chatter_tol = numerics.chatter_tol
@@ -255,7 +255,8 @@ class TrajectoryCall:
         self._more = 2 * osc.degrees_of_freedom - 2
         self.cycle = cycle
 
-    def run(self, target: tuple[int, float], sample_times: ArrayLike) -> TrajectoryCall:
+    def run(self, target: tuple[int, float],
+            sample_times: Sequence[tuple[float, float]] | NDArray[Any]) -> TrajectoryCall:
         """Go on until the target (cycle, t); `sample_times` is (n, 2), cycle and t, rising."""
         wants_log = self._wanted.events or self._wanted.grazes
         by_cycle = self._wanted.cycles or self._wanted.strobe or self._wanted.tangent
@@ -367,12 +368,12 @@ def sweep(points: Any, lines: list[tuple[int, int, bool]], starts: list[Any], *,
     method = common_method(points, numerics)
     flank = _flank_argument(shared.te, shared.back_flank_te, method)
     reals = _real_parameters(points, numerics, method, wanted)
-    lines = np.array(lines, dtype=np.intc).reshape(-1, 3)
+    way = np.array(lines, dtype=np.intc).reshape(-1, 3)
     # First and last point, carried, the next point, the stage it is in.
-    table = np.zeros((5, len(lines)), dtype=np.intc, order="F")
-    table[:3], table[3] = lines.T, lines[:, 0]
+    table = np.zeros((5, len(way)), dtype=np.intc, order="F")
+    table[:3], table[3] = way.T, way[:, 0]
     table[[0, 1, 3]] += 1
-    starts = np.asfortranarray(np.array(starts, dtype=float).reshape(-1, 4).T)
+    begins = np.asfortranarray(np.array(starts, dtype=float).reshape(-1, 4).T)
     blobs = np.zeros((BLOB_SIZE, len(lines)), order="F")
     wants_cycles = wanted.cycles or wanted.strobe or wanted.tangent
     more = 2 * shared.degrees_of_freedom - 2
@@ -394,10 +395,10 @@ def sweep(points: Any, lines: list[tuple[int, int, bool]], starts: list[Any], *,
             before = (table.copy(), blobs.copy()) if waits else None
             begun = time.process_time()
             within = np.array([CALL_SECONDS, usable_threads(threads, len(lines))])
-            api.sweep(flank, reals, choices, table, starts, within, blobs, cycles, tangent,
+            api.sweep(flank, reals, choices, table, begins, within, blobs, cycles, tangent,
                       density, log, outcome)
             cpu_seconds += time.process_time() - begun
-            if before and all(map(np.array_equal, before, (table, blobs))):
+            if before and np.array_equal(before[0], table) and np.array_equal(before[1], blobs):
                 raise ValueError(f"sweep: a log of log_room = {log_room} lines is full; events and "
                                  "near-grazes are never dropped")
             if progress is not None:

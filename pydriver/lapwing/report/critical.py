@@ -97,7 +97,7 @@ def decimals(value: float, bar: float) -> tuple[str, str]:
 
 def _meaning(critical: Any) -> str:
     """What holds, and on which side of the value."""
-    find = critical.attrs["find"]
+    find = str(critical.attrs["find"])
     return MEANINGS[find] + f" {_sides(critical)[0]}" * (find != "back")
 
 

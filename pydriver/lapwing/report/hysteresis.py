@@ -94,17 +94,20 @@ class _Branch:
 
     def judged(self, other: _Branch) -> NDArray[Any]:
         """Where two branches can be compared: both have a result, and one of them a period."""
-        return self.ok & other.ok & ((self.period > 0) | (other.period > 0))
+        both: NDArray[Any] = self.ok & other.ok & ((self.period > 0) | (other.period > 0))
+        return both
 
     def differs(self, other: _Branch) -> NDArray[Any]:
         """Where two branches end in different motions."""
         settled = (self.period > 0) & (other.period > 0)
         greatest = np.fmax(self.depth, other.depth)
-        differ = settled & (np.abs(self.depth - other.depth) > DEPTH_DIFFERS * greatest)
+        differ: NDArray[Any] = settled & (
+            np.abs(self.depth - other.depth) > DEPTH_DIFFERS * greatest)
         differ |= self.period != other.period
         counted = settled & ~(self.chatter | other.chatter)
         differ |= counted & ((self.impacts != other.impacts) | (self.back != other.back))
-        return differ & self.judged(other)
+        seen: NDArray[Any] = differ & self.judged(other)
+        return seen
 
     def describe(self, i: int) -> str:
         """Motion at one value: engaged, or class and depth."""
@@ -201,4 +204,4 @@ def _jump(branches: dict[str, _Branch], values: NDArray[Any], inside: int, outsi
 def _runs(flags: NDArray[Any]) -> list[list[int]]:
     """First and last index of each run of flags."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
-    return (edges.reshape(-1, 2) - (0, 1)).tolist()
+    return [[int(first), int(end) - 1] for first, end in edges.reshape(-1, 2)]

@@ -55,7 +55,7 @@ def headline(response: xr.Dataset) -> str:
             + "; the second run gives another motion" * doubtful(attrs))
 
 
-def _table(responses: list[dict[str, float]]) -> list[str]:
+def _table(responses: list[dict[str, Any]]) -> list[str]:
     """One line for each response, the source's claim beside it."""
     claimed = any(_claim(one) for one in responses)
     rows = [("response", "brake torque (N·m)", "motion", f"{_arrivals(responses)} per cycle, "
@@ -63,7 +63,7 @@ def _table(responses: list[dict[str, float]]) -> list[str]:
              "deepest separation (µrad)", "contact", "mesh force, mean / peak (N)",
              "impact energy (mJ per cycle)", *["source"] * claimed)]
     for one in responses:
-        row = [one["name"], f"{one['brake_torque']:g}"]
+        row: list[str] = [one["name"], f"{one['brake_torque']:g}"]
         if one["status"]:
             row += [f"**failed: {one['status_meaning'].replace('_', ' ')}**", *"–––––"]
         else:
@@ -121,7 +121,7 @@ def _motion(attrs: dict[str, Any]) -> str:
 
 def _on_coast_flank(attrs: dict[str, Any]) -> bool:
     """Whether the teeth press on the coast flank throughout."""
-    return attrs["states_visited"] == 1 << MotionState.BACK_ENGAGEMENT
+    return bool(attrs["states_visited"] == 1 << MotionState.BACK_ENGAGEMENT)
 
 
 def _contact(attrs: dict[str, Any]) -> str:
@@ -317,4 +317,4 @@ def _drifts(attrs: dict[str, Any], key: str) -> bool:
     # Older files have the change between the runs as the error.
     change = attrs.get(f"{key}_change", attrs[f"{key}_error"])
     limit = max(SETTLED * abs(attrs[key]), change)
-    return abs(attrs[f"{key}_transient"]) > limit
+    return bool(abs(attrs[f"{key}_transient"]) > limit)

@@ -132,7 +132,7 @@ def _table(sweep: xr.Dataset, values: NDArray[Any], unit: str) -> list[str]:
 
 def _largest(sweep: xr.Dataset, values: NDArray[Any], seen: NDArray[Any], unit: str) -> str:
     """Largest value at which something was seen and what is known above it, for each start."""
-    found = {}
+    found: dict[str, list[str]] = {}
     for start, done, hit in zip(sweep["start"].values, known(sweep), seen, strict=True):
         found.setdefault(_largest_of(values, done, hit & done, unit), []).append(str(start))
     return "; ".join(f"{words} ({names(starts)})" for words, starts in found.items())

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable, Sequence
 from typing import Any
 
 from lapwing.base.quantities import parameter
 
 
-def parameter_unit(name: str) -> str:
+def parameter_unit(name: Hashable) -> str:
     """Unit of a parameter as a person reads it; empty for a bare number."""
-    return parameter(name).shown
+    return parameter(str(name)).shown
 
 
-def parameter_words(name: str) -> str:
+def parameter_words(name: Hashable) -> str:
     """A parameter in words, without its unit."""
-    return parameter(name).words
+    return parameter(str(name)).words
 
 
-def markdown(rows: list[tuple[str, ...]]) -> list[str]:
+def markdown(rows: Sequence[Sequence[str]]) -> list[str]:
     """Lines of a table; the first row is its heading."""
     lines = ["| " + " | ".join(row) + " |" for row in rows]
     return [lines[0], "|---" * len(rows[0]) + "|", *lines[1:]]

@@ -184,8 +184,9 @@ def _together(name: str, stages: list[Any], threads: int) -> Any:
     lacking = next((stage.why for stage in stages if stage.why), "")
     if lacking:
         return Stage(name, why=lacking)
-    return Stage(name, *(shared([getattr(stage, end) for stage in stages], threads)
-                         for end in ("low", "high")), min(stage.part for stage in stages))
+    low, high = (shared([getattr(stage, end) for stage in stages], threads)
+                 for end in ("low", "high"))
+    return Stage(name, low, high, min(stage.part for stage in stages))
 
 
 def shared(times: list[float], threads: int) -> float:
@@ -211,11 +212,12 @@ def growth(tried: Callable[..., Any], settle: int, record: int, seconds: float,
     """
     end = clock() + seconds
     tried(0, 1)  # loads what it needs
-    whole, times, divisor = settle + record, [], FIRST_PART
+    whole, divisor = settle + record, FIRST_PART
+    times: list[tuple[int, float]] = []
     while True:
-        cycles, begun = (-(-settle // divisor), -(-record // divisor)), clock()
-        tried(*cycles)
-        times.append((sum(cycles), clock() - begun))
+        some, begun = (-(-settle // divisor), -(-record // divisor)), clock()
+        tried(*some)
+        times.append((sum(some), clock() - begun))
         if divisor == 1:
             return times[-1][1], times[-1][1], 1.0
         if clock() + FASTER * times[-1][1] > end:

@@ -50,6 +50,7 @@ def exponents(osc: Oscillator, start: str | tuple[object, float, float] = "rest"
     state = (*engine_start(osc, checked_start(osc, start, phase)), phase)
     call = TrajectoryCall(osc, state, numerics=numerics, wanted=Wanted(cycles=True, tangent=True))
     follow_cycles(call, first + record)
+    assert call.tangent is not None  # it is wanted
     kept = call.cycles["cycle"] >= first
     size = max(abs(osc.force), call.cycles["deepest_separation"][kept].max()) or osc.backlash
     return stability.exponents(CycleMaps.from_rows(call.tangent[kept], osc.period), 0, size)

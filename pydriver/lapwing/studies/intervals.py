@@ -210,4 +210,5 @@ def rate_limit(events: np.ndarray, exposure: np.ndarray,
     from scipy.stats import chi2
 
     with np.errstate(divide="ignore"):
-        return 0.5 * chi2.ppf(confidence, 2 * np.asarray(events) + 2) / exposure
+        limit: NDArray[Any] = 0.5 * chi2.ppf(confidence, 2 * np.asarray(events) + 2) / exposure
+    return limit

@@ -38,8 +38,8 @@ def labels(deck: Deck, study: Asked) -> dict[str, Any]:
 def _own(deck: Deck, study: Asked) -> bool:
     """Whether a study sets torques or a speed of its own."""
     if hasattr(study, "own_operation"):
-        return study.own_operation
+        return bool(study.own_operation)
     shared = {key: value for key, value in deck.operation.items() if key != "brake_torque"}
     own = {key: value for key, value in study.operation.items() if key != "brake_torque"}
-    parameter = getattr(study, "parameter", None)
+    parameter: Any = getattr(study, "parameter", None)
     return {**own, parameter: None} != {**shared, parameter: None}

@@ -6,6 +6,7 @@ pinion; angles are counted from the nominal rotation, which the transmission err
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,7 +31,7 @@ def shafts(osc: Oscillator, theta: NDArray[Any], theta_dot: NDArray[Any],
     dict of pinion_angle, gear_angle, pinion_speed, gear_speed -> array (n,)
     """
     mean = osc.mean_rotation
-    if mean is None:
+    if mean is None or means is None or osc.scales is None:
         return {}
     pinion, gear = mean.shafts(osc.gear_ratio, theta, means["mean_angle"])
     rates = mean.shafts(osc.gear_ratio, theta_dot, means["mean_rate"])
@@ -42,19 +43,19 @@ def shafts(osc: Oscillator, theta: NDArray[Any], theta_dot: NDArray[Any],
 
 def by_cycle(osc: Oscillator, means: NDArray[Any] | None) -> dict[str, NDArray[Any]]:
     """cycle_mean_speed, rad/s, array (record,): at the beginning of each cycle."""
-    if osc.mean_rotation is None:
+    if osc.mean_rotation is None or means is None:
         return {}
     return {"cycle_mean_speed": osc.mean_rotation.mean_speed(osc, means["mean_rate"])}
 
 
-def by_point(oscillators: list[Oscillator], means: NDArray[Any] | None, shape: tuple[int, int],
+def by_point(oscillators: Sequence[Oscillator], means: NDArray[Any] | None, shape: tuple[int, int],
              dims: tuple[str, str]) -> dict[str, tuple[tuple[str, str, str], NDArray[Any]]]:
     """mean_speed of a sweep, rad/s, (starts, values, record): at the beginning of each cycle."""
     if means is None:
         return {}
     rates = means["mean_rate"].reshape(*shape, -1)
     speeds = np.stack([osc.mean_rotation.mean_speed(osc, rates[:, j])
-                       for j, osc in enumerate(oscillators)], axis=1)
+                       for j, osc in enumerate(oscillators) if osc.mean_rotation], axis=1)
     return {"mean_speed": ((*dims, "recorded_cycle"), speeds)}
 
 
@@ -64,7 +65,7 @@ def attributes(osc: Oscillator, means: NDArray[Any] | None) -> dict[str, float]:
     `means`, a table (n,), are the record's samples, its end the last.
     """
     mean = osc.mean_rotation
-    if mean is None:
+    if mean is None or means is None or osc.scales is None:
         return {}
     first, last = mean.mean_speed(osc, means["mean_rate"][[0, -1]])
     frequency = osc.scales.natural_frequency

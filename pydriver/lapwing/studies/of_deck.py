@@ -25,7 +25,8 @@ class Found:
     interrupted : bool, whether a signal stopped them: some are missing, or a sweep is unfinished
     """
 
-    studies: dict = field(default_factory=lambda: {kind: {} for kind in STUDIES})
+    studies: dict[str, dict[str, xr.Dataset]] = field(
+        default_factory=lambda: {kind: {} for kind in STUDIES})
     interrupted: bool = False
 
     def failed(self) -> tuple[str, ...]:
@@ -106,9 +107,9 @@ def _side_by_side(study: Study, deck: Deck, threads: int, report: Callable[..., 
     done = report(f"{study.kind}s", len(orders), f"{study.kind}s")
     new, complete = side_by_side(
         lambda order: part.carry_out(deck, asked[order], order, 1, None), orders, threads, done)
-    new = {orders[place]: dataset for place, dataset in new.items()}
+    made = {orders[place]: dataset for place, dataset in new.items()}
     for order, one in enumerate(asked):
-        dataset = known.get((study.kind, one.name), new.get(order))
+        dataset = known.get((study.kind, one.name), made.get(order))
         if dataset is not None:
             found[one.name] = dataset
     return complete

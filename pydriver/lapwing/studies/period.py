@@ -35,7 +35,7 @@ def find_period(phi: NDArray[Any], phi_dot: NDArray[Any], labels: NDArray[Any], 
     -------
     int; NO_PERIOD where none up to max_period is found
     """
-    return engine.find_period(phi, phi_dot, labels, scale, max_period)
+    return int(engine.find_period(phi, phi_dot, labels, scale, max_period))
 
 
 def motion_class(period: int, drive: NDArray[Any], coast: NDArray[Any], chatter: bool) -> str:
@@ -51,7 +51,7 @@ def motion_class(period: int, drive: NDArray[Any], coast: NDArray[Any], chatter:
     return class_name(period, i, j, chatter)
 
 
-def class_name(period: Any, drive: Any, coast: Any, chatter: Any) -> Any:
+def class_name(period: Any, drive: Any, coast: Any, chatter: Any) -> str:
     """`p:(i,j)`, i and j arrivals at the drive and the coast flank in p cycles; or `aperiodic`.
 
     A motion in which a chatter was complete is marked `c`: which of its impacts count depends on

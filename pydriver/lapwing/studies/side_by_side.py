@@ -10,7 +10,7 @@ from typing import Any
 
 
 def side_by_side(function: Callable[..., Any], items: Any, threads: int,
-                 done: Callable[..., Any]) -> tuple[dict[str, Any], bool]:
+                 done: Callable[..., Any]) -> tuple[dict[int, Any], bool]:
     """Call a function of each item, several at a time.
 
     The engine works without Python's lock and keeps nothing between calls, so that threads do.
@@ -32,7 +32,9 @@ def side_by_side(function: Callable[..., Any], items: Any, threads: int,
     Exception
         the first that a call raised; the others are given up.
     """
-    waiting, results, errors = SimpleQueue(), {}, []
+    waiting: SimpleQueue[Any] = SimpleQueue()
+    results: dict[int, Any] = {}
+    errors: list[BaseException] = []
     stop, lock = threading.Event(), threading.Lock()
     for place in range(len(items)):
         waiting.put(place)

@@ -75,8 +75,8 @@ class CycleMaps:
 
     def __getitem__(self, index: Any) -> CycleMaps:
         """The same of some motions or, of a single one, of some cycles."""
-        return CycleMaps(*(getattr(self, one.name)[index] for one in fields(self)[:-1]),
-                         self.period)
+        some = {one.name: getattr(self, one.name)[index] for one in fields(self)[:-1]}
+        return CycleMaps(**some, period=self.period)
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ class Exponents:
         return self.largest * self.period, self.error * self.period
 
 
-def multiplied(maps: CycleMaps) -> tuple[NDArray[Any], ...]:
+def multiplied(maps: CycleMaps) -> tuple[NDArray[Any], float, float, float, int]:
     """Product of the maps of a single motion, the last cycle leftmost.
 
     Returns
@@ -309,7 +309,7 @@ def defects(maps: CycleMaps, osc: Oscillator) -> tuple[NDArray[Any], NDArray[Any
 
 
 def findings(maps: CycleMaps, osc: Oscillator, period: int, scale: float,
-             grown: NDArray[Any] | None = None) -> tuple[dict[str, float], Exponents]:
+             grown: NDArray[Any] | None = None) -> tuple[dict[str, Any], Exponents]:
     """Stability of one motion, as numbers to store.
 
     Parameters

@@ -282,8 +282,8 @@ def _result(osc: Oscillator, call: TrajectoryCall, origin: tuple[tuple[float, fl
     final = HybridState(
         motion_state=MotionState(at[2]), phi=float(at[3]), phi_dot=float(at[4]),
         phase=float(at[1] / period), tau=float(_tau(at[0], at[1], phase0, period)),
-        **({name: float(call.sample_means[name][0]) for name in MEAN}
-           if osc.degrees_of_freedom == 2 else {}),
+        **({} if call.sample_means is None or osc.degrees_of_freedom == 1 else
+           {name: float(call.sample_means[name][0]) for name in MEAN}),
         _oscillator=osc, _origin=origin, _cycles=cycles, _blob=call.blob,
         _checkpoints=thinned((*before, *call.checkpoints, (call.cycle, call.t, call.blob))))
     return Run(oscillator=osc, final=final, status=call.status, work=call.work,

@@ -50,7 +50,7 @@ def besides(criticals: Any, sweeps: Any) -> list[str]:
 
 def _along(sweep: xr.Dataset) -> str:
     """Where the teeth part, and strike the coast flank, along another parameter."""
-    parameter = sweep["status"].dims[1]
+    parameter = str(sweep["status"].dims[1])
     unit, law = parameter_unit(parameter), arrivals_in(sweep.attrs)
     found = looks((), (), [sweep], parameter)
     parting, back = (together(found, what) for what in ("rattling", "back"))

@@ -170,6 +170,7 @@ def _of_response(attrs: dict[str, Any], flank: str) -> Look:
     hits, met = (attrs[f"resolved_{side}impacts_per_cycle"] > 0 for side in sides)
     engaged = attrs["states_visited"] == 1 << own and not hits
     met = met or bool(int(attrs["states_visited"]) >> other & 1)
-    return Look(*(np.array([column]) for column in (
+    values, known, failed, rattling, seen, cycles = (np.array([column]) for column in (
         float(attrs["brake_torque"]), int(done), int(not done), done and not engaged,
-        done and met, done * int(attrs["record_cycles"]))), "response")
+        done and met, done * int(attrs["record_cycles"])))
+    return Look(values, known, failed, rattling, seen, cycles, "response")

@@ -168,7 +168,7 @@ class _Torque:
                         f"than one burst of them begins in {1 / bound:,.0f} mesh cycles)")
         return ""
 
-    def _search(self) -> xr.Dataset:
+    def _search(self) -> xr.Dataset | None:
         """A search for T_safe, or None."""
         return next((one for one in self.criticals if one.attrs["find"] == "safe"
                      and one.attrs.get("safe_end") == "high"), None)
@@ -204,8 +204,9 @@ class _Torque:
 
     def _last_rattling(self) -> str:
         """The greatest torque with rattling, to the digits that the step to a quiet one leaves."""
-        quiet = self._quiet()[0]
-        return at_most(self.rattling.last, quiet[0] - self.rattling.last if quiet.size else 0.0)
+        quiet, last = self._quiet()[0], self.rattling.last
+        assert last is not None  # asked for where something rattles
+        return at_most(last, quiet[0] - last if quiet.size else 0.0)
 
     def _separation_sentence(self) -> str:
         seen = self.rattling
@@ -330,7 +331,7 @@ class _Torque:
         margin = ""
         if math.isfinite(value) and value > 0 and self.laws.get("balanced", 0):
             margin = (f": 10 % more transmission error raises T_full to {at_least(1.1 * value)} "
-                      f"{self.unit}") if self.kept[0] == "full" else ""
+                      f"{self.unit}") if self.kept and self.kept[0] == "full" else ""
         doubts = ["a start that was not tried", "a longer look"]
         if self.laws.get("contact_law") == "restitution" and "impact_law" in self.laws:
             doubts.append(f"another impact law than `{self.laws['impact_law']}`")

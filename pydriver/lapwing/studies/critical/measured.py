@@ -134,17 +134,20 @@ def interval(deck: Deck, find: str, parameter: str, operation: dict[str, Any],
         def criterion(osc: Oscillator) -> CriticalForce:
             key = (osc.mesh_frequency_ratio, osc.damping_ratio, osc.flank_scale, osc.restitution)
             if key not in known:
+                assert deck.curve is not None  # asked for with a curve alone
                 known[key] = force_bounds(osc, deck.curve, **draws)
             return CriticalForce(getattr(known[key], name), known[key].phase)
         return criterion
 
     ends = [of_force(find, bound(name), deck.gear_pair, deck.te, parameter, values, safe_end,
                      operation).attrs["estimate"] for name in ("low", "high")]
-    return tuple(ends if safe_end == "high" else ends[::-1])
+    low, high = ends if safe_end == "high" else ends[::-1]
+    return low, high
 
 
 def _against_order(found: xr.Dataset, deck: Deck, study: Asked, osc: Oscillator) -> xr.Dataset:
     """The critical value and its interval by the highest order of an unsmoothed fit."""
+    assert deck.curve is not None  # asked for with a curve alone
     table = forces_by_order(osc, deck.curve)
     unit = oscillator_at(deck.gear_pair, deck.te, study.parameter, 1.0, study.operation)
     columns = {name: (table[force] - osc.force) / (unit.force - osc.force) for name, force in (
@@ -183,7 +186,7 @@ def with_repeats(found: xr.Dataset, deck: Deck, study: Asked, search: Callable[.
     where there are no repeats
     """
     many = _repeats(deck, study)
-    if not many:
+    if not many or deck.curve is None:
         return found
     values = np.full(many, np.nan)
     for i, te in enumerate(deck.curve.repeats(many)):

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from lapwing.base import arguments, quantities
 from lapwing.base.threads import checked_threads
@@ -50,7 +50,7 @@ DESCRIPTIONS = {
 
 
 def critical_full(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torque",
-                  values: NDArray[Any] | None = None, safe_end: str = "high",
+                  values: ArrayLike | None = None, safe_end: str = "high",
                   **operation: Any) -> CriticalValue:
     """Value from which on the engaged motion keeps contact: F > F_crit.
 
@@ -85,7 +85,7 @@ def critical_full(pair: GearPair, te: TransmissionError, *, parameter: str = "br
 
 
 def critical_on(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torque",
-                values: list[float] | None = None, safe_end: str = "high",
+                values: ArrayLike | None = None, safe_end: str = "high",
                 **operation: Any) -> CriticalValue:
     """Value from which on a rigid tooth rests on the drive flank: F > max g''; `rigid` law only.
 
@@ -96,7 +96,7 @@ def critical_on(pair: GearPair, te: TransmissionError, *, parameter: str = "brak
 
 
 def critical_safe(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torque",
-                  values: NDArray[Any], safe_end: str = "high", resolution: float | None = None,
+                  values: ArrayLike, safe_end: str = "high", resolution: float | None = None,
                   starts: StartGrid | None = None, phase: float = 0.0, settle: int = 200,
                   record: int = 50, further: float = 0, numerics: Numerics | None = None,
                   threads: int | None = None, progress: Callable[..., Any] | None = None,
@@ -170,7 +170,7 @@ def critical_safe(pair: GearPair, te: TransmissionError, *, parameter: str = "br
 
 
 def critical_back(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torque",
-                  values: NDArray[Any], safe_end: str = "high", starts: StartGrid | None = None,
+                  values: ArrayLike, safe_end: str = "high", starts: StartGrid | None = None,
                   phase: float = 0.0, settle: int = 200, record: int = 1200,
                   confidence: float = 0.95, numerics: Numerics | None = None,
                   threads: int | None = None, progress: Callable[..., Any] | None = None,
@@ -232,8 +232,9 @@ def critical_back(pair: GearPair, te: TransmissionError, *, parameter: str = "br
     burst = np.array([bursts(fates.back_at[end - many:end])
                       for end, many in zip(ends, followed, strict=True)])
     bound = rate_limit(burst, cycles, confidence)
+    outcome, estimate, bar = _last_seen(values, seen)
     return _found(
-        "back", parameter, *_last_seen(values, seen), confidence=confidence,
+        "back", parameter, outcome, estimate, bar, confidence=confidence,
         variables={"trial_value": values, "trial_starts": followed, "trial_failed": failed,
                    "trial_cycles": cycles, "trial_back_cycles": seen, "trial_bursts": burst,
                    "trial_rate_bound": bound},
@@ -254,7 +255,7 @@ def _last_seen(values: NDArray[Any], seen: NDArray[Any]) -> tuple[str, float, fl
 
 
 def _clean(values: NDArray[Any], seen: NDArray[Any], cycles: NDArray[Any],
-           bound: NDArray[Any]) -> dict[str, float]:
+           bound: NDArray[Any]) -> dict[str, Any]:
     """The clean interval next to the safe end."""
     hits = np.flatnonzero(seen)
     n = hits[0] if hits.size else values.size
@@ -266,7 +267,7 @@ def _clean(values: NDArray[Any], seen: NDArray[Any], cycles: NDArray[Any],
 
 
 def of_force(find: str, criterion: Callable[..., Any], pair: GearPair, te: TransmissionError,
-             parameter: str, values: NDArray[Any] | None, safe_end: str,
+             parameter: str, values: ArrayLike | None, safe_end: str,
              operation: dict[str, Any]) -> CriticalValue:
     """Where F passes what `criterion(osc)` asks for: a force (rad) and a phase, as `CriticalForce`.
 
@@ -290,9 +291,9 @@ def of_force(find: str, criterion: Callable[..., Any], pair: GearPair, te: Trans
     if values is None:
         raise ValueError(f"critical: parameter = {parameter!r} is no torque; expected are values "
                          "to search")
-    values = _scan_order(values, safe_end)
-    _check_law(find, at(float(values[0])))
-    return _along(find, criterion, at, parameter, values, safe_end)
+    order = _scan_order(values, safe_end)
+    _check_law(find, at(float(order[0])))
+    return _along(find, criterion, at, parameter, order, safe_end)
 
 
 def _along(find: str, criterion: Callable[..., Any], at: Callable[..., Any], parameter: str,
@@ -302,7 +303,7 @@ def _along(find: str, criterion: Callable[..., Any], at: Callable[..., Any], par
 
     def margin(value: float) -> float:
         osc = at(float(value))
-        return osc.force - _needed(criterion, osc).force
+        return float(osc.force - _needed(criterion, osc).force)
 
     margins, previous = [], math.nan
     for value in values:
@@ -319,7 +320,7 @@ def _along(find: str, criterion: Callable[..., Any], at: Callable[..., Any], par
         estimate = brentq(margin, value, previous, xtol=1e-300, rtol=4 * np.finfo(float).eps)
         lost = _needed(criterion, at(estimate))
     return _found(find, parameter, outcome, estimate, 0.0 if outcome == "found" else math.nan,
-                    {"trial_value": values[:len(margins)], "trial_margin": margins},
+                    {"trial_value": values[:len(margins)], "trial_margin": np.array(margins)},
                     phase=lost.phase, **_scan(values, safe_end))
 
 
@@ -338,7 +339,7 @@ def _check_law(find: str, osc: Oscillator) -> None:
                          f"{osc.contact_law!r}; expected {other}")
 
 
-def _scan_order(values: NDArray[Any], safe_end: str) -> NDArray[Any]:
+def _scan_order(values: ArrayLike, safe_end: str) -> NDArray[Any]:
     """Values, each once, the safe end first."""
     arguments.choice("safe_end", safe_end, SAFE_ENDS)
     values = np.unique(arguments.reals("values", values))
@@ -369,7 +370,7 @@ def _scan(values: NDArray[Any], safe_end: str) -> dict[str, Any]:
             "scan_values": values.size}
 
 
-def _starts(starts: StartGrid, phase: float, settle: int, record: int) -> dict[str, float]:
+def _starts(starts: StartGrid, phase: float, settle: int, record: int) -> dict[str, Any]:
     """Attributes that state what was followed."""
     return {"start_phases": starts.phases, "start_positions": starts.positions,
             "start_speeds": starts.speeds, "start_phase": phase, "settle": settle,
@@ -392,7 +393,7 @@ def _found(find: str, parameter: str, outcome: str, estimate: float, bar: float,
         attrs={"find": find, "parameter": parameter, "units": unit, "outcome": outcome,
                "estimate": estimate, "bar": bar, **attrs})
     for name in dataset.data_vars:
-        units, long_name = DESCRIPTIONS[name]
+        units, long_name = DESCRIPTIONS[str(name)]
         dataset[name].attrs = {"long_name": long_name,
                                "units": unit if units is None else units}
     return CriticalValue.of(dataset)

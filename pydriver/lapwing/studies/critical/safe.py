@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lapwing.base.codes import SearchStage
-from lapwing.studies.critical.starts import fitted, follow, start_grid
+from lapwing.studies.critical.starts import StartGrid, fitted, follow, start_grid
+
+if TYPE_CHECKING:
+    from lapwing.engine.numerics import Numerics
+    from lapwing.model.oscillator import Oscillator
 
 # Of the motions that rattle at one value so many, evenly picked, are carried to the next.
 CARRIED = 24
@@ -43,16 +48,16 @@ class SafeSearch:
     trials : list of Trial, in the order made
     """
 
-    oscillator_at: object
-    grid: object
+    oscillator_at: Callable[[float], Oscillator]
+    grid: StartGrid
     phase: float
     settle: int
     record: int
     resolution: float
-    numerics: object
+    numerics: Numerics
     threads: int
-    progress: object = None
-    trials: list = field(default_factory=list)
+    progress: Callable[[float], None] | None = None
+    trials: list[Trial] = field(default_factory=list)
 
     def run(self, values: NDArray[Any], further: int) -> tuple[float, float]:
         """Search `values`, the safe end first; returns (rattling, clean), NaN where there is none.
@@ -67,7 +72,8 @@ class SafeSearch:
         5. Follow what rattles last `PATIENCE` times as long.
         """
         rattling = clean = math.nan
-        states, beyond = [], []
+        states: list[Any] = []
+        beyond: list[float] = []
         for i, value in enumerate(map(float, values)):
             if self.progress is not None:
                 self.progress(i / len(values))
@@ -88,7 +94,7 @@ class SafeSearch:
 
     def _from_beyond(self, beyond: list[float], rattling: float) -> list[Any]:
         """States at the last rattling value of motions found on its unsafe side."""
-        states = []
+        states: list[Any] = []
         for value in map(float, reversed(beyond)):
             survivors = self._carried(value, states)
             states = survivors + self._try(value, SearchStage.FURTHER)[1]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing import engine
 from lapwing.base import arguments, estimates
@@ -133,8 +134,8 @@ class Fates:
     rattles: np.ndarray
     back_cycles: np.ndarray
     failed: np.ndarray
-    final: list
-    back_at: list = field(default_factory=list)
+    final: list[Any]
+    back_at: list[NDArray[Any]] = field(default_factory=list)
 
 
 def follow(oscillators: list[Oscillator], starts: list[tuple[float, float, float, float]],
@@ -168,15 +169,17 @@ def follow(oscillators: list[Oscillator], starts: list[tuple[float, float, float
             record=record, log_room=1, threads=threads,
             progress=_part(progress, first / total, len(some) / total))
         done.append(_fates(result, some))
-    return Fates(*(np.concatenate([getattr(one, key) for one in done])
-                   for key in ("rattles", "back_cycles", "failed")),
+    rattles, back_cycles, failed = (np.concatenate([getattr(one, key) for one in done])
+                                    for key in ("rattles", "back_cycles", "failed"))
+    return Fates(rattles, back_cycles, failed,
                  [state for one in done for state in one.final],
                  [times for one in done for times in one.back_at])
 
 
-def _part(progress: Callable[..., Any] | None, begun: float, share: float) -> Callable[..., Any]:
+def _part(progress: Callable[..., Any] | None, begun: float,
+          share: float) -> Callable[..., Any] | None:
     """Progress of one batch as part of the whole."""
-    return progress and (lambda fraction: progress(begun + share * fraction))
+    return None if progress is None else (lambda fraction: progress(begun + share * fraction))
 
 
 def _fates(result: SweepResult, starts: list[tuple[float, float, float, float]]) -> Fates:

@@ -66,9 +66,9 @@ def critical_study(deck: Deck, study: Asked, threads: int,
         options |= {"resolution": study.resolution, "further": study.further_values}
     elif study.find == "back":
         options["confidence"] = study.confidence
-    find = {"full": search.critical_full, "safe": search.critical_safe,
+    find: Callable[..., Any] = {"full": search.critical_full, "safe": search.critical_safe,
             "back": search.critical_back, "on": search.critical_on}[study.find]
-    found = find(deck.gear_pair, deck.te, **options).assign_attrs(labels(deck, study))
+    found: xr.Dataset = find(deck.gear_pair, deck.te, **options).assign_attrs(labels(deck, study))
     if study.find in ("full", "on"):
         return measured.with_interval(found, deck, study)
     if study.find == "safe":

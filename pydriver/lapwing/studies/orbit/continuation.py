@@ -4,32 +4,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from lapwing.base import arguments
+from lapwing.base.codes import MotionState
+from lapwing.engine import Numerics
 from lapwing.model.oscillator import Oscillator
-from lapwing.studies.orbit.newton import NUMERICS, NoOrbit, find_orbit, settled_state
-
-if TYPE_CHECKING:
-    from lapwing.base.codes import MotionState
-    from lapwing.engine.numerics import Numerics
-    from lapwing.studies.orbit.newton import Orbit
+from lapwing.studies.orbit.newton import NUMERICS, NoOrbit, Orbit, find_orbit, settled_state
 
 # Steps in the parameter from one doubling to the next.
 MOST_FOLLOWED = 60
 
 
-class Followed(list):
+class Followed(list[Orbit]):
     """Orbits along a parameter; `lost` says why there are fewer than values, else None."""
 
     lost: str | None = None
 
 
-def follow(make: Callable[..., Any], values: NDArray[Any], start: tuple[MotionState, float, float],
-           cycles: int = 1, *, numerics: Numerics = NUMERICS) -> Followed:
+def follow(make: Callable[[float], Oscillator], values: ArrayLike,
+           start: tuple[MotionState, float, float], cycles: int = 1, *,
+           numerics: Numerics = NUMERICS) -> Followed:
     """Continue a periodic motion over values of a parameter, one Newton from the next.
 
     Parameters
@@ -51,11 +49,11 @@ def follow(make: Callable[..., Any], values: NDArray[Any], start: tuple[MotionSt
         for a refused argument; a motion that is lost raises nothing.
     """
     arguments.function("make", make)
-    values = [float(value) for value in arguments.reals("values", values, ndim=1, empty=True)]
+    numbers = [float(value) for value in arguments.reals("values", values, ndim=1, empty=True)]
     orbits = Followed()
-    for value in values:
+    for value in numbers:
         if len(orbits) > 1:
-            start = _predicted(values, orbits, value)
+            start = _predicted(numbers, orbits, value)
         elif orbits:
             start = orbits[-1].state
         try:
@@ -133,10 +131,10 @@ def period_doubling(make: Callable[..., Any], low: float, high: float,
 
     arguments.function("make", make)
     low, high = arguments.real("low", low), arguments.real("high", high)
-    known = {}
+    known: dict[float, Orbit] = {}
 
     def distance(value: float) -> float:
-        nearest = min(known, key=lambda other: abs(other - value), default=None)
+        nearest = min(known, key=lambda other: abs(other - value), default=math.nan)
         orbit = _found_at(make, value, known[nearest].state if known else start, cycles, numerics)
         if orbit.cycles != cycles:
             raise NoOrbit(f"at parameter value {value:.10g} the motion repeats after "

@@ -39,7 +39,7 @@ class NoOrbit(RuntimeError):
         super().__init__(message)
         self.value = value
 
-    def __reduce__(self) -> tuple[type, tuple[str, float]]:
+    def __reduce__(self) -> tuple[type[NoOrbit], tuple[str, float | None]]:
         return type(self), (str(self), self.value)
 
 
@@ -60,8 +60,8 @@ class Orbit:
     maps : CycleMaps
     """
 
-    oscillator: object
-    state: tuple
+    oscillator: Oscillator
+    state: tuple[MotionState, float, float]
     cycles: int
     residual: float
     size: float
@@ -115,7 +115,7 @@ def follow_cycles(call: TrajectoryCall, cycles: int) -> None:
         raise NoOrbit(f"the run ended with {call.status.name}")
 
 
-def find_orbit(osc: Oscillator, start: tuple[Any, float, float] = "rest", cycles: int = 1, *,
+def find_orbit(osc: Oscillator, start: Any = "rest", cycles: int = 1, *,
                settle: int = 400, numerics: Numerics = NUMERICS) -> Orbit:
     """Newton's method on the map over `cycles` mesh cycles.
 
@@ -209,6 +209,7 @@ def _cycle_map(osc: Oscillator, state: MotionState, x: NDArray[Any], cycles: int
     end, *image = _strobed(call)
     if end != state:
         return None
+    assert call.tangent is not None  # it is wanted
     size = max(abs(osc.force), call.cycles["deepest_separation"].max()) or osc.backlash
     return _Mapped(x, np.array(image), call, CycleMaps.from_rows(call.tangent, osc.period), size,
                    float(np.abs(image - x).max() / size))
@@ -222,10 +223,12 @@ def _strobed(call: TrajectoryCall) -> tuple[MotionState, float, float]:
 def _newton_step(here: _Mapped) -> NDArray[Any]:
     matrix, exponent, *_ = multiplied(here.maps)
     system = matrix * 2.0**exponent - np.eye(2)
+    step: NDArray[Any]
     try:
-        return np.linalg.solve(system, here.x - here.image)
+        step = np.linalg.solve(system, here.x - here.image)
     except np.linalg.LinAlgError:
-        return np.linalg.lstsq(system, here.x - here.image, rcond=None)[0]
+        step = np.linalg.lstsq(system, here.x - here.image, rcond=None)[0]
+    return step
 
 
 def _orbit(osc: Oscillator, state: MotionState, here: _Mapped, cycles: int,
@@ -240,5 +243,5 @@ def _orbit(osc: Oscillator, state: MotionState, here: _Mapped, cycles: int,
         shorter = _cycle_map(osc, state, here.x, least, numerics)
         if shorter is not None:
             here, cycles = shorter, least
-    return Orbit(osc, (state, *map(float, here.x)), cycles, here.miss, here.size,
+    return Orbit(osc, (state, float(here.x[0]), float(here.x[1])), cycles, here.miss, here.size,
                  multipliers(here.maps, here.size), here.call.cycles, here.maps)

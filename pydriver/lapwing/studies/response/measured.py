@@ -38,7 +38,7 @@ def with_repeats(found: xr.Dataset, deck: Deck, study: Asked) -> xr.Dataset:
     (`repeat_interval`); as it was where there are no repeats
     """
     many = deck.te_table.fit.get("curve_repeats", 0)
-    if not many or found.attrs["status"] != Status.OK:
+    if not many or deck.curve is None or found.attrs["status"] != Status.OK:
         return found
     numerics = Numerics(**deck.numerics_of(study))
     motions = [motion_of(
@@ -50,9 +50,9 @@ def with_repeats(found: xr.Dataset, deck: Deck, study: Asked) -> xr.Dataset:
     words = ", ".join(f"{name} on {count}" for name, count in sorted(
         classes.items(), key=lambda item: (-item[1], item[0])))
     found = found.assign_attrs(curve_repeats=many, repeat_classes=words).assign(
-        repeat_class=("repeat", np.array([one.motion_class for one in motions], dtype=object)),
-        **{f"repeat_{name}": ("repeat", np.array([getattr(one, name) for one in motions]))
-           for name in NUMBERS})
+        repeat_class=("repeat", np.array([one.motion_class for one in motions], dtype=object)))
+    found = found.assign({f"repeat_{name}": ("repeat", np.array(
+        [getattr(one, name) for one in motions])) for name in NUMBERS})
     for name in NUMBERS:
         low, high = repeat_interval(found.attrs[name], found[f"repeat_{name}"].values)
         found = found.assign_attrs({f"{name}_low": max(low, 0.0), f"{name}_high": high})

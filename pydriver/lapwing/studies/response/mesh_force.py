@@ -175,7 +175,7 @@ def _force_series(osc: Oscillator, nodes: NDArray[Any], width: NDArray[Any]) -> 
         terms[:, k + 2] = -forcing[:, k + 2] - double * width * terms[:, k + 1] / (k + 2) \
             - width**2 * terms[:, k] / ((k + 1) * (k + 2))
     rates = terms[:, 1:] * np.arange(1, TERMS) / width[:, None]
-    force = terms[:, :-1] + double * rates
+    force: NDArray[Any] = terms[:, :-1] + double * rates
     force[:, 0] += osc.force
     return force
 

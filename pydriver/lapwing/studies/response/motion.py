@@ -97,7 +97,7 @@ def impact_attributes(osc: Oscillator, pair: GearPair, events: NDArray[Any],
 
 
 def motion_attributes(osc: Oscillator, recording: Any, period: int, max_period: int,
-                      numerics: Numerics) -> dict[str, float]:
+                      numerics: Numerics) -> dict[str, Any]:
     """Stability of a response's motion as attributes.
 
     1. Exponents, their checks and, where there is a period, multipliers (`stability.findings`).
@@ -140,7 +140,7 @@ def motion_attributes(osc: Oscillator, recording: Any, period: int, max_period: 
 
 
 def _confirmation(osc: Oscillator, state: NDArray[Any], period: int, scale: float,
-                  numerics: Numerics) -> dict[str, float]:
+                  numerics: Numerics) -> dict[str, Any]:
     """Period of the orbit that Newton's method finds from a state, and the distance to it."""
     try:
         orbit = find_orbit(osc, (int(state[0]), *state[1:]), period, numerics=numerics)

@@ -32,7 +32,7 @@ class Recording:
     events: np.ndarray
     cycles: np.ndarray
     samples: np.ndarray
-    means: tuple = (None, None)
+    means: tuple[NDArray[Any] | None, NDArray[Any] | None] = (None, None)
     tangent: np.ndarray | None = None
 
 
@@ -57,15 +57,15 @@ def recorded(osc: Oscillator, start: tuple[float, float, float, float], span: tu
         call.run((first + count + 1, 0.0), np.vstack([times, (first + count, 0.0)]))
         status = call.status
     if status != Status.OK:
-        means = [unknown(MEAN_TABLE, n) if osc.mean_rotation else None
-                 for n in (count, len(times) + 1)]
+        lost = tuple(unknown(MEAN_TABLE, n) if osc.mean_rotation else None
+                     for n in (count, len(times) + 1))
         return Recording(status, grid, unknown(EVENT_TABLE, 0), unknown(CYCLE_TABLE, count),
-                         unknown(SAMPLE_TABLE, len(times) + 1), means)
+                         unknown(SAMPLE_TABLE, len(times) + 1), (lost[0], lost[1]))
     kept = [(table["cycle"] >= first) & (table["cycle"] < first + count)
             for table in (call.events, call.cycles)]
     events, cycles = call.events[kept[0]], call.cycles[kept[1]]
     for table in (events, cycles):
         table["cycle"] -= first
-    means = (call.cycle_means[kept[1]] if osc.mean_rotation else None, call.sample_means)
+    means = (None if call.cycle_means is None else call.cycle_means[kept[1]], call.sample_means)
     return Recording(status, grid, events, cycles, call.samples, means,
-                     call.tangent[kept[1]] if exponents else None)
+                     None if call.tangent is None else call.tangent[kept[1]])

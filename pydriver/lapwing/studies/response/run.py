@@ -238,8 +238,8 @@ class _Outcome:
         period = find_period(column["phi"], column["phi_dot"], labels,
                              max(abs(osc.force), deepest) or osc.backlash, max_period)
         name = "failed" if recording.status != Status.OK else motion_class(
-            period, *(by_cycle[key] for key in MEANS[:2]),
-            np.any(by_cycle["chatter_ends_per_cycle"] > 0))
+            period, by_cycle[MEANS[0]], by_cycle[MEANS[1]],
+            bool(np.any(by_cycle["chatter_ends_per_cycle"] > 0)))
         return cls(recording, by_cycle, period, name)
 
     def number(self, key: str, half: int | None = None) -> float:
@@ -309,7 +309,8 @@ def _by_cycle(osc: Oscillator, pair: GearPair, recording: Recording,
 def _findings(main: _Outcome, reference: _Outcome) -> dict[str, Any]:
     """The summary's numbers: each with the changes between runs and halves, and its error."""
     status = main.recording.status
-    attrs = {"status": int(status), "status_meaning": status.name.lower(),
+    attrs: dict[str, Any] = {
+             "status": int(status), "status_meaning": status.name.lower(),
              "status_reference": int(reference.recording.status), "period": main.period,
              "motion_class": main.motion_class, "motion_class_reference": reference.motion_class,
              "error_kind": "convergence" if main.period else "statistical"}

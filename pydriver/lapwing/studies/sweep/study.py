@@ -56,4 +56,5 @@ def estimate(deck: Deck, study: Asked, seconds: float, clock: Any,
         study.values, seconds, clock)
     motions = len(study.values) * len(study.starts)
     line = len(study.values) if {"up", "down"} & set(study.starts) else 1
-    return (*(rate * max(motions / threads, line) for rate in (low, high)), points / motions)
+    times = max(motions / threads, line)
+    return low * times, high * times, points / motions
