@@ -68,6 +68,20 @@ def test_impacts_of_a_point(swept):
         run.cycles.lapwing.impacts()
 
 
+def test_a_table_has_words_for_codes(swept, response, tmp_path):
+    run = lapwing.simulate(scene_a(1.8), cycles=5)
+    run.events.lapwing.table().to_csv(tmp_path / "events.csv", index=False)
+    head, first, *_ = (tmp_path / "events.csv").read_text().splitlines()
+    assert head == "tau,cycle,phase,kind,phi,velocity_before,velocity_after"
+    kind = lapwing.EventKind(int(run.events["kind"][0])).name.lower()
+    assert first.split(",")[3] == kind
+    table = response.lapwing.table("cycle")
+    np.testing.assert_array_equal(table["cycle_phi"], response["cycle_phi"])
+    assert "phi" not in table and len(response.lapwing.table()) == response.sizes["event"]
+    with pytest.raises(ValueError, match="one of start, brake_torque"):
+        swept.lapwing.table("time")
+
+
 def test_figures_are_methods(swept, response):
     assert {"orbit_diagram", "exponents"} <= set(swept.lapwing.figures())
     assert "waterfall" not in swept.lapwing.figures()

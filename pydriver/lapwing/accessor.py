@@ -13,6 +13,7 @@ from lapwing.base.arguments import choice, wrong
 from lapwing.base.registry import STUDIES
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray as xr
     from matplotlib.figure import Figure
 
@@ -114,6 +115,46 @@ class LapwingAccessor:
         return listed.assign_coords({**kept.drop_vars(kept.dims).coords, **{
             dim: ("impact", chosen[dim].values[one])
             for dim, one in zip(kept.dims, index, strict=True)}})
+
+    def table(self, dim: str | None = None) -> pd.DataFrame:
+        """Variables along one dimension as a table, codes in words: for a CSV file or a look.
+
+        ``run.events.lapwing.table().to_csv("events.csv", index=False)``
+
+        Parameters
+        ----------
+        dim : str or None, the dimension; default: the only one, or `event`, `impact`, `sample`
+            or `cycle`, the first that is there
+
+        Returns
+        -------
+        pandas.DataFrame, a column for each variable along the dimension alone
+
+        Raises
+        ------
+        ValueError
+            where it is not told which dimension is meant.
+        """
+        import numpy as np
+        import pandas as pd
+
+        dims = [str(one) for one in self._dataset.dims]
+        usual = [one for one in ("event", "impact", "sample", "cycle") if one in dims]
+        dim = dim or (dims[0] if len(dims) == 1 else usual[0] if usual else None)
+        if dim not in dims:
+            raise ValueError(wrong("dim", dim, f"one of {', '.join(dims)}"))
+        columns: dict[str, Any] = {}
+        for name, variable in self._dataset.variables.items():
+            if variable.dims != (dim,):
+                continue
+            words = str(variable.attrs.get("flag_meanings", "")).split()
+            if words and "flag_values" in variable.attrs:
+                known = dict(zip(np.atleast_1d(variable.attrs["flag_values"]).tolist(), words,
+                                 strict=True))
+                columns[str(name)] = [known.get(one, "") for one in variable.values.tolist()]
+            else:
+                columns[str(name)] = variable.values
+        return pd.DataFrame(columns)
 
     def figures(self) -> tuple[str, ...]:
         """Names of the figures that this Dataset can be drawn as, methods of this object."""

@@ -22,7 +22,7 @@ import typer
 from lapwing.base import estimates, exit_codes, signals
 from lapwing.base.exit_codes import MEANINGS, ExitCode
 from lapwing.base.registry import STUDIES
-from lapwing.console import version_line
+from lapwing.console import complain, version_line
 
 if TYPE_CHECKING:
     from lapwing.deck.deck import Deck
@@ -168,10 +168,10 @@ def new(file: Annotated[Path | None, typer.Argument(
         with file.open("x", encoding="utf-8") as stream:
             stream.write(template_text())
     except FileExistsError:
-        _complain(f"{file}: exists already; it is left as it is")
+        complain(f"{file}: exists already; it is left as it is")
         raise typer.Exit(BAD_INPUT) from None
     except OSError as error:
-        _complain(exit_codes.words(error, file))
+        complain(exit_codes.words(error, file))
         raise typer.Exit(exit_codes.of_error(error)) from None
     print(f"{file}: written; now: lapwing check {file}")
 
@@ -191,19 +191,20 @@ def plot(
     """  # noqa: D301
     from lapwing.base.threads import default_threads
     from lapwing.plots import FigureError
+    from lapwing.progress import begun
     from lapwing.results.store import StoreError
     from lapwing.run import plot_file
 
     code = OK
     for file in files:
-        progress = _telling(file, "figures")
+        progress = begun(file, "figures")
         try:
             written, failures = plot_file(file, out, default_threads(), progress), {}
         except FigureError as error:
             written, failures = error.written, error.failures
             code = max(code, SURROUNDINGS if error.of_surroundings else FAILED)
         except (ValueError, StoreError) as error:
-            _complain(f"{file}: {error}")
+            complain(f"{file}: {error}")
             code = max(code, BAD_INPUT)
             continue
         except (OSError, MemoryError, RuntimeError) as error:
@@ -214,7 +215,7 @@ def plot(
         for path in written:
             print(path)
         for stem, what in failures.items():
-            _complain(f"{file}: figure {stem}: {what}")
+            complain(f"{file}: figure {stem}: {what}")
     raise typer.Exit(code)
 
 
@@ -244,7 +245,7 @@ def _refuse_equal_stems(decks: list[Path]) -> None:
     seen: dict[str, Path] = {}
     for deck in decks:
         if deck.stem in seen:
-            _complain(f"{seen[deck.stem]} and {deck} would both write results/{deck.stem}; "
+            complain(f"{seen[deck.stem]} and {deck} would both write results/{deck.stem}; "
                       "rename one")
             raise typer.Exit(BAD_INPUT)
         seen[deck.stem] = deck
@@ -258,7 +259,7 @@ def _load(paths: list[Path], settings: list[str]) -> tuple[list[Deck], ExitCode]
     for setting in settings:
         key, equals, value = setting.partition("=")
         if not equals:
-            _complain(f"--set {setting}: expected GROUP.KEY=VALUE")
+            complain(f"--set {setting}: expected GROUP.KEY=VALUE")
             raise typer.Exit(BAD_INPUT)
         overrides.append((key, value))
     loaded = []
@@ -266,14 +267,14 @@ def _load(paths: list[Path], settings: list[str]) -> tuple[list[Deck], ExitCode]
         try:
             deck = load_deck(path, overrides)
         except DeckError as error:
-            _complain(str(error))
+            complain(str(error))
             code = BAD_INPUT
             continue
         for warning in deck.warnings:
-            _complain(str(warning))
+            complain(str(warning))
         too_large = estimates.refusals(deck)
         for text in too_large:
-            _complain(text)
+            complain(text)
         code = BAD_INPUT if too_large else code
         loaded += [] if too_large else [deck]
     return loaded, code
@@ -281,9 +282,11 @@ def _load(paths: list[Path], settings: list[str]) -> tuple[list[Deck], ExitCode]
 
 def _each(decks: list[Path], settings: list[str], carry_out: Callable[..., Any]) -> ExitCode:
     """Carry out one deck after the other until a signal; the worst exit code."""
+    from lapwing.progress import begun
+
     loaded, code = _load(decks, settings)
     for deck in loaded:
-        ended: ExitCode = carry_out(deck, _telling(deck.title, _studies(deck)))
+        ended: ExitCode = carry_out(deck, begun(deck.title, _studies(deck)))
         code = max(code, ended)
         if signals.heard() is not None or ended >= ExitCode.STOPPED:
             return max(code, exit_codes.of_signal(signals.heard()))
@@ -294,11 +297,11 @@ def _refused(error: Any, prefix: str = "", path: Path | None = None) -> ExitCode
     """Say in one line what the surroundings refuse; the exit code. Other errors go on."""
     if not exit_codes.is_of_surroundings(error):
         raise error
-    _complain(prefix + exit_codes.words(error, path))
+    complain(prefix + exit_codes.words(error, path))
     return exit_codes.of_error(error)
 
 
-def _run(deck: Deck, out: Path, threads: int, force: bool, progress: Lines,
+def _run(deck: Deck, out: Path, threads: int, force: bool, progress: Bars | Lines,
          figures: str) -> ExitCode:
     """Run one deck and report; returns its exit code."""
     from lapwing.results.store import StoreError
@@ -308,17 +311,17 @@ def _run(deck: Deck, out: Path, threads: int, force: bool, progress: Lines,
         outcome = run_deck(deck, out, threads=threads, force=force, progress=progress,
                            figures=figures)
     except StoreError as error:
-        _complain(str(error))
+        complain(str(error))
         return BAD_INPUT
     except (OSError, MemoryError, RuntimeError) as error:
         return _refused(error, f"{deck.title}: ", out)
     except KeyboardInterrupt:
-        _complain(f"{deck.title}: stopped; nothing was finished")
+        complain(f"{deck.title}: stopped; nothing was finished")
         return exit_codes.of_signal(signals.heard())
     finally:
         progress.close()
     for note in outcome.notes:
-        _complain(note)
+        complain(note)
     if outcome.reused:
         print(f"{deck.title}: results of the same values are there already, reused: "
               f"{outcome.folder}")
@@ -330,9 +333,9 @@ def _run(deck: Deck, out: Path, threads: int, force: bool, progress: Lines,
     for line in outcome.headlines:
         print(f"  {line}")
     for study in outcome.failed:
-        _complain(f"{deck.title}: {study}: failed numerically, see status")
+        complain(f"{deck.title}: {study}: failed numerically, see status")
     for stem, what in outcome.undrawn.items():
-        _complain(f"{deck.title}: figure {stem}: {what}")
+        complain(f"{deck.title}: figure {stem}: {what}")
     if outcome.interrupted:
         return exit_codes.of_signal(signals.heard())
     if outcome.refused:
@@ -340,21 +343,21 @@ def _run(deck: Deck, out: Path, threads: int, force: bool, progress: Lines,
     return FAILED if outcome.failed or outcome.undrawn else OK
 
 
-def _critical(deck: Deck, threads: int, progress: Lines) -> ExitCode:
+def _critical(deck: Deck, threads: int, progress: Bars | Lines) -> ExitCode:
     """Search and print the critical values of one deck; returns its exit code."""
     from lapwing.report.answers.findings import findings
     from lapwing.report.critical import critical_table, critical_text
     from lapwing.studies.critical.study import critical_study
 
     if not deck.criticals:
-        _complain(f"{deck.path}: no &critical in this deck")
+        complain(f"{deck.path}: no &critical in this deck")
         return BAD_INPUT
     try:
         found = [critical_study(deck, study, threads,
                                 progress.study(f"critical {study.name}", 100, "%"))
                  .assign_attrs(name=study.name) for study in deck.criticals]
     except KeyboardInterrupt:
-        _complain(f"{deck.title}: stopped; nothing was finished")
+        complain(f"{deck.title}: stopped; nothing was finished")
         return exit_codes.of_signal(signals.heard())
     except (OSError, MemoryError, RuntimeError) as error:
         return _refused(error, f"{deck.title}: ")
@@ -373,20 +376,6 @@ def _say_findings(found: Any) -> None:
 
     if found:
         print(on_console(found))
-
-
-def _telling(title: object, what: str) -> Bars | Lines:
-    """What tells how far a deck is: bars on a terminal, else a line at once and one a minute."""
-    from lapwing.progress import Bars, Lines
-
-    progress = Bars() if sys.stderr.isatty() else Lines(str(title), sys.stderr)
-    if isinstance(progress, Lines):
-        progress.say(f"started; {what}")
-    return progress
-
-
-def _complain(text: str) -> None:
-    print(text, file=sys.stderr)
 
 
 # The benchmark lies beside the package: an installation has it or has it not.

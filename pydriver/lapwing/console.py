@@ -87,3 +87,8 @@ def flush_streams(code: int) -> int:
         return code
     print(f"standard output: {lost.strerror}", file=sys.stderr, flush=True)
     return max(code, ExitCode.SURROUNDINGS)
+
+
+def complain(text: str) -> None:
+    """A line on standard error."""
+    print(text, file=sys.stderr)

@@ -5,6 +5,7 @@ A thread looks at the clock, so that a study which tells nothing for long is spo
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -162,6 +163,15 @@ class Bars(_Teller):
             display.start()
             self._display = display
         return self._display
+
+
+def begun(title: object, what: str) -> Bars | Lines:
+    """What tells how far a deck is: bars on a terminal, else a line at once and one a minute."""
+    if sys.stderr.isatty():
+        return Bars()
+    progress = Lines(str(title), sys.stderr)
+    progress.say(f"started; {what}")
+    return progress
 
 
 @contextmanager

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import os
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -15,10 +16,21 @@ from typing import TYPE_CHECKING, Any
 
 from lapwing import __version__
 from lapwing.base import estimates
-from lapwing.base.messages import printable
 from lapwing.base.signals import held
-from lapwing.deck import DeckError, changed_keys, load_deck, used_hash, used_text
-from lapwing.deck.used import stored_hash
+from lapwing.base.threads import checked_threads
+from lapwing.deck import used_hash, used_text
+from lapwing.folder import (
+    RESULT_FILE,
+    SUMMARY,
+    USED_DECK,
+    Present,
+    figures_of,
+    folder_of,
+    formats_in,
+    present_in,
+    read_text,
+    refuse_others,
+)
 from lapwing.results.store import (
     COMPLETE,
     INCOMPLETE,
@@ -26,7 +38,6 @@ from lapwing.results.store import (
     FolderLock,
     Manifest,
     Staging,
-    StoreError,
     add_files,
     discard,
     probe,
@@ -38,21 +49,12 @@ if TYPE_CHECKING:
 
     from lapwing.deck.deck import Deck
     from lapwing.plots.crew import Crew
-    from lapwing.results.file import Results
     from lapwing.studies.of_deck import Found
 
-RESULT_FILE = "result.nc"
-USED_DECK = "used.nml"
-SUMMARY = "summary.md"
-FILES = (RESULT_FILE, USED_DECK, SUMMARY)
 # Formats of figures by what is asked for.
 FIGURES = {"none": (), "png": ("png",), "all": ("png", "pdf")}
 # Of a folder in which an interrupted run keeps what it finished beside complete results.
 INTERRUPTED = ".interrupted"
-
-
-class FolderError(StoreError):
-    """Results of another deck, or something else, lie where this one's would go."""
 
 
 @dataclass
@@ -83,29 +85,8 @@ class Outcome:
     notes: tuple[Any, ...] = ()
 
 
-@dataclass
-class _There:
-    """What lies in a deck's folder.
-
-    Attributes
-    ----------
-    manifest : Manifest, or None where there is none that can be read
-    inputs : str or None, hash of the values of the results there; None: no results, or not known
-    known : tuple of names that are the program's own without a manifest that lists them
-    """
-
-    manifest: Manifest | None
-    inputs: str | None
-    known: tuple[Any, ...] = ()
-
-    @property
-    def complete(self) -> bool:
-        """Whether there are results that lack nothing, as far as anybody knows."""
-        return self.manifest.state == COMPLETE if self.manifest else bool(self.known)
-
-
-def run_deck(deck: Deck, parent: Path, *, threads: int, force: bool = False, progress: Any = None,
-             figures: str = "all") -> Outcome:
+def run_deck(deck: Deck, parent: str | os.PathLike[str], *, threads: int | None = None,
+             force: bool = False, progress: Any = None, figures: str = "all") -> Outcome:
     """Run a deck into `parent`/<deck>.
 
     1. Take the folder's lock; clear what a run that was killed left beside it.
@@ -121,7 +102,8 @@ def run_deck(deck: Deck, parent: Path, *, threads: int, force: bool = False, pro
     ----------
     deck : lapwing.deck.Deck
     parent : str or Path, created where missing
-    threads : int; threads that compute, and processes that draw; no result depends on it
+    threads : int or None; threads that compute, and processes that draw; no result depends on it;
+        default `threads.default_threads`
     force : bool, whether everything is computed anew and other results are replaced
     progress : object with `study(label, total, unit)` giving a callable(fraction), or None
     figures : 'none', 'png' or 'all' (PNG and PDF); formats that are there already are kept up
@@ -138,112 +120,26 @@ def run_deck(deck: Deck, parent: Path, *, threads: int, force: bool = False, pro
     OSError
         where something cannot be written; what lay there is still there.
     """
+    threads = checked_threads(threads)
     folder = folder_of(deck.stem, parent)
     folder.parent.mkdir(parents=True, exist_ok=True)
     with FolderLock(folder):
         recover(folder)
-        there = _inspect(folder)
-        _refuse_others(deck, folder, there, force)
+        there = present_in(folder)
+        refuse_others(deck, folder, there, force)
         return _Run(deck, folder, there, threads, progress, FIGURES[figures]).carry_out(force)
-
-
-def folder_of(stem: str, parent: Path) -> Path:
-    """Folder of a deck's results.
-
-    Raises
-    ------
-    FolderError
-        where the deck's name makes no folder of its own.
-    """
-    if stem.startswith(".") or stem in ("", ".."):
-        raise FolderError(f"a deck named {stem!r} has no folder of its own; expected is a name "
-                          "that does not begin with a dot")
-    folder = Path(parent) / stem
-    try:
-        str(folder.absolute()).encode()
-    except UnicodeEncodeError:
-        raise FolderError("netCDF files have names in UTF-8, which "
-                          f"{printable(str(folder))} is not; "
-                          "rename the deck or take another --out") from None
-    return folder.resolve() if folder.is_symlink() else folder
-
-
-def _inspect(folder: Path) -> _There:
-    """What lies in the folder; files that no run wrote are refused."""
-    if not folder.exists():
-        return _There(None, None)
-    if not folder.is_dir():
-        raise FolderError(f"{folder} is no folder; expected is none, or one of results")
-    manifest = Manifest.read(folder)
-    if manifest is not None and RESULT_FILE in manifest.files:
-        return _There(manifest, manifest.inputs)
-    if not any(folder.iterdir()):
-        return _There(None, None)
-    # Of version 0.1, or with a damaged manifest.
-    result = folder / RESULT_FILE
-    inputs = stored_hash(_read(folder / USED_DECK)) or _stored_inputs(result)
-    if inputs is None:
-        raise FolderError(f"{folder} holds files, but no results that could be told from files of "
-                          "yours; expected is a new or empty folder, or one that a run made. Name "
-                          "another with --out")
-    return _There(None, inputs, FILES + _figure_names(result))
-
-
-def _stored_inputs(result: Path) -> str | None:
-    """Hash of the values in a result file that can be read, or None."""
-    from lapwing.results import read_results
-
-    with contextlib.suppress(OSError, ValueError, RuntimeError), read_results(result) as results:
-        return str(results.attrs["used_hash"])
-    return None
-
-
-def _figure_names(result: Path) -> tuple[str, ...]:
-    """Names of the figures that belong to a result file, as far as it can be read."""
-    from lapwing.results import read_results
-
-    with contextlib.suppress(OSError, ValueError, RuntimeError, KeyError), \
-            read_results(result) as results:
-        return _figures_of(results)
-    return ()
-
-
-def _figures_of(results: Results) -> tuple[str, ...]:
-    """Names of the figures of an open result file."""
-    from lapwing.plots import FORMATS, tasks_of
-
-    return tuple(f"{task.stem}.{suffix}" for task in tasks_of(results) for suffix in FORMATS)
-
-
-def _refuse_others(deck: Deck, folder: Path, there: _There, force: bool) -> None:
-    """Refuse to replace results of other values, or of another version, without `force`."""
-    if force or there.inputs is None:
-        return
-    same_values = there.inputs == used_hash(deck)
-    program = there.manifest.program if there.manifest else __version__
-    if same_values and program == __version__:
-        return
-    try:
-        changes = changed_keys(load_deck(folder / USED_DECK), deck) or (
-            "the transmission error's numbers",)
-    except DeckError:
-        changes = (f"{folder / USED_DECK} cannot be read",)
-    if same_values:
-        changes = (f"the version of Lapwing: {program} -> {__version__}",)
-    raise FolderError(f"{folder}: results of other values lie there; --force replaces them. "
-                      "What differs:\n" + "\n".join(f"  {line}" for line in changes))
 
 
 class _Run:
     """One deck under way, its folder locked."""
 
-    def __init__(self, deck: Deck, folder: Path, there: _There, threads: int, progress: Any,
+    def __init__(self, deck: Deck, folder: Path, there: Present, threads: int, progress: Any,
                  formats: tuple[str, ...]) -> None:
         self.deck, self.folder, self.there, self.threads = deck, folder, there, threads
         self.report = progress.study if progress else (lambda *_: (lambda _: None))
         self.inputs = used_hash(deck)
         self.notes: list[str] = []
-        present = _formats_in(there.manifest)
+        present = formats_in(there.manifest)
         # What was asked for is there already; formats once drawn are drawn again with the rest.
         self.drawn_already = set(formats) <= set(present)
         self.formats = tuple(sorted({*formats, *present}, reverse=True))
@@ -259,7 +155,8 @@ class _Run:
 
         known = {} if force else self._known()
         if known is None:
-            return Outcome(self.folder, reused=True, findings=told_in(_read(self.folder / SUMMARY)))
+            findings = told_in(read_text(self.folder / SUMMARY))
+            return Outcome(self.folder, reused=True, findings=findings)
         estimates.require_disk(self.deck, self.folder)
         with Crew(self.threads) as crew:
             found = compute(self.deck, self.threads, self.report, known)
@@ -330,7 +227,7 @@ class _Run:
             try:
                 with held():
                     variables = self._write(found, staging.path)
-                    told = told_in(_read(staging.path / SUMMARY))
+                    told = told_in(read_text(staging.path / SUMMARY))
             except KeyboardInterrupt:
                 stopped = True  # raised at the end of the block: the files are whole
             if not stopped:
@@ -409,14 +306,6 @@ class _Run:
         return {}, False
 
 
-def _formats_in(manifest: Manifest | None) -> tuple[str, ...]:
-    """Formats of figures that a manifest lists; of the curve's figure, which all results have."""
-    from lapwing.plots import FORMATS, TE_FIGURE
-
-    return () if manifest is None else tuple(
-        suffix for suffix in FORMATS if f"{TE_FIGURE}.{suffix}" in manifest.files)
-
-
 def _te_source(deck: Deck) -> str | None:
     """Name of the table's file and what was made of it, or None where a formula makes it."""
     from lapwing.report.measured import curve_source
@@ -433,14 +322,6 @@ def _measured(deck: Deck) -> tuple[dict[str, Any], dict[str, Any]]:
 
     variables, attributes = curve_variables(deck.curve, deck.te_table.samples())
     return variables, {**attributes, **high_orders_of(deck)}
-
-
-def _read(path: Path) -> str:
-    """A text file, as far as it can be read."""
-    try:
-        return path.read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return ""
 
 
 def plot_file(path: Path, folder: Path | None = None, threads: int = 1,
@@ -489,7 +370,7 @@ def plot_file(path: Path, folder: Path | None = None, threads: int = 1,
                 except FigureError as error:
                     failures, of_surroundings = error.failures, error.of_surroundings
             names = sorted(one.name for one in aside.iterdir())
-            own = _figures_of(results) if folder.resolve() == path.parent.resolve() else ()
+            own = figures_of(results) if folder.resolve() == path.parent.resolve() else ()
             taken = add_files(folder, aside, own)
         finally:
             shutil.rmtree(aside, ignore_errors=True)

@@ -97,9 +97,7 @@ def _made_flank(te: TransmissionError, centred: Any, form: Any) -> Any:
         knots, coefficients = te.fine_table
         kinks = np.zeros(knots.size - 1)
     flank = np.zeros((8, knots.size), order="F")
-    flank[0] = knots
-    flank[1:7, :-1] = coefficients.T
-    flank[7, :-1] = kinks
+    flank[0], flank[1:7, :-1], flank[7, :-1] = knots, coefficients.T, kinks
     if centred:
         flank[1, :-1] -= 0.5 * sum(te.extrema)
     return flank

@@ -64,16 +64,7 @@ def critical_text(criticals: list[xr.Dataset], sweeps: Any = ()) -> list[str]:
 
 
 def headline(critical: Any) -> str:
-    """The result in one line.
-
-    Parameters
-    ----------
-    critical : Dataset
-
-    Returns
-    -------
-    str
-    """
+    """The result of one search in one line."""
     attrs, (value, bar) = critical.attrs, _cells(critical)
     if attrs["outcome"] != "found" or not search_bounded(critical):
         name = SYMBOLS[attrs["find"]] if attrs["parameter"] == "brake_torque" else "critical value"

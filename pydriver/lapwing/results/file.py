@@ -8,7 +8,6 @@ here needs the engine.
 from __future__ import annotations
 
 import os
-import platform
 from collections.abc import Hashable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -21,8 +20,9 @@ from lapwing.base.registry import STUDIES, give_accessor
 from lapwing.base.signals import held
 from lapwing.model.oscillator import TE_SIGNS
 from lapwing.results.checksums import DamagedFile, store_checksums, verify_file
+from lapwing.results.provenance import engine_digest, provenance
 from lapwing.results.schema import SCHEMA_VERSION, as_of_today, with_plain_text
-from lapwing.results.store import Manifest, flush, os_errors, sha256_of
+from lapwing.results.store import Manifest, flush, os_errors
 from lapwing.results.variables import FAILED, described
 
 if TYPE_CHECKING:
@@ -177,41 +177,6 @@ def _claimed(sweep: xr.Dataset, claims: list[dict[str, Any]]) -> xr.Dataset:
                      # A text of no length would have a dimension without an end.
                      **({"claim_text": ("claim", np.array(text))} if any(text) else {})}
     return sweep.assign(variables).assign_attrs(parameter=parameter)
-
-
-def provenance() -> dict[str, str]:
-    """What made the file: program, compiler, processor, libraries."""
-    import netCDF4
-    import xarray
-
-    from lapwing import _build_info as build
-
-    return {"lapwing_version": build.VERSION, "compiler": build.COMPILER,
-            "build_flags": build.FLAGS, "build_type": build.BUILDTYPE, "cpu": _cpu(),
-            "engine_sha256": engine_digest(),
-            "python_version": platform.python_version(), "numpy_version": np.__version__,
-            "xarray_version": xarray.__version__, "netcdf4_version": netCDF4.__version__}
-
-
-def engine_digest() -> str:
-    """SHA-256 (hex) of the compiled engine: only the same engine is sure to give the same bits."""
-    from importlib.util import find_spec
-
-    found = find_spec("lapwing._engine")
-    assert found is not None and found.origin is not None
-    return sha256_of(found.origin)
-
-
-def _cpu() -> str:
-    """Model of the processor, as far as the system tells."""
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8", errors="replace") as file:
-            for line in file:
-                if line.lower().startswith("model name"):
-                    return line.partition(":")[2].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()
 
 
 @dataclass(repr=False)

@@ -10,7 +10,7 @@ flank none (rank 0).  What is lost has exponent -∞ and multiplier 0; no other 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -132,7 +132,7 @@ class Exponents:
     largest: float
     second: float
     error: float
-    running: np.ndarray
+    running: np.ndarray = field(repr=False)
     rank: int
     grazes: int
     period: float

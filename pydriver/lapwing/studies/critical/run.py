@@ -397,6 +397,3 @@ def _found(find: str, parameter: str, outcome: str, estimate: float, bar: float,
         dataset[name].attrs = {"long_name": long_name,
                                "units": unit if units is None else units}
     return CriticalValue.of(dataset)
-
-
-__all__ = ["StartGrid", "critical_back", "critical_full", "critical_on", "critical_safe"]
