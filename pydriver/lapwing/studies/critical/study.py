@@ -10,7 +10,7 @@ from lapwing.engine import Numerics
 from lapwing.studies import cost
 from lapwing.studies.critical import measured
 from lapwing.studies.critical import run as search
-from lapwing.studies.critical.starts import follow, start_grid
+from lapwing.studies.critical.starts import StartGrid, follow, start_grid
 from lapwing.studies.labels import labels
 from lapwing.studies.sweep.varied import oscillator_at
 
@@ -58,7 +58,7 @@ def critical_study(deck: Deck, study: Asked, threads: int,
     options = {"parameter": study.parameter, "values": study.values, "safe_end": study.safe_end,
                **study.operation}
     if study.starts is not None:
-        options |= {"starts": search.StartGrid(*study.starts), "settle": study.settle_cycles,
+        options |= {"starts": StartGrid(*study.starts), "settle": study.settle_cycles,
                     "record": study.record_cycles, "phase": deck.numerics["start_phase"],
                     "numerics": Numerics(**deck.numerics_of(study)), "threads": threads,
                     "progress": done and measured.first_of(deck, study, done)}
@@ -108,7 +108,7 @@ def rattling_at(deck: Deck, study: Asked, threads: int) -> int:
     """
     value = float(study.values[-1 if study.safe_end == "high" else 0])
     osc = oscillator_at(deck.gear_pair, deck.te, study.parameter, value, study.operation)
-    starts = start_grid(osc, search.StartGrid(*study.starts), deck.numerics["start_phase"])
+    starts = start_grid(osc, StartGrid(*study.starts), deck.numerics["start_phase"])
     follow([osc] * len(starts), starts, study.settle_cycles, study.record_cycles,
            numerics=Numerics(**deck.numerics_of(study)), threads=threads)
     return len(starts)
