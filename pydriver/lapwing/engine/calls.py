@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from lapwing._engine import api
 from lapwing.base.codes import ContactLaw, Gap, ImpactLaw, Method, Status
 from lapwing.base.threads import usable_threads
+from lapwing.engine.flanks import flank_argument, series_is_taken
 from lapwing.engine.points import Points
 from lapwing.engine.records import (
     CYCLE_TABLE,
@@ -36,7 +36,6 @@ from lapwing.model.oscillator import TE_SIGNS
 if TYPE_CHECKING:
     from lapwing.engine.numerics import Numerics, Wanted
     from lapwing.model.oscillator import Oscillator
-    from lapwing.model.transmission_error.table import TransmissionError
 
 CALL_SECONDS = 0.4
 # Lines of the log and of the table of cycles that one call has room for. Most runs are short.
@@ -58,49 +57,8 @@ EXACT_CHATTER_TOL = 1e-13
 # fortran/flow/exact/response.f90): its parts are pieces of the table each by itself, and no
 # periodic response is among them.
 GRADED_SPAN = 1.31e5
-# A longer harmonic series is taken from its table (flank/series.f90, max_terms).
-MAX_TERMS = 8
-
 # Ways to run an oscillator for which its arguments are kept.
 MOST_KEPT = 16
-
-# Transmission error -> its arrays as the engine takes them, by form.
-_FLANKS: WeakKeyDictionary[TransmissionError, dict[Any, Any]] = WeakKeyDictionary()
-
-
-def _series_is_taken(te: TransmissionError) -> bool:
-    """Whether the closed form takes a transmission error as its series, not as a table."""
-    return 0 < len(te.harmonics) <= MAX_TERMS
-
-
-def _flank_argument(te: TransmissionError, centred: Any, method: Any = None) -> Any:
-    """The transmission error as api.f90 takes it, (8, columns): a table or a harmonic series.
-
-    Only differences of g matter unless the coast flank stands still; a table is then shifted
-    (`centred`) to the middle of its range, so that a large constant costs no digits. It is made
-    once, for as long as the transmission error lives.
-    """
-    made = _FLANKS.setdefault(te, {})
-    form = method if method and _series_is_taken(te) else "table"
-    if (form, centred) not in made:
-        made[form, centred] = _made_flank(te, centred, form)
-    return made[form, centred]
-
-
-def _made_flank(te: TransmissionError, centred: Any, form: Any) -> Any:
-    if form == "exact":
-        flank = np.zeros((8, len(te.harmonics)), order="F")
-        flank[:3], flank[7] = te.harmonics.T, -1
-        return flank
-    knots, coefficients, kinks = te.knots, te.coefficients, te.kinks
-    if form == "rk4":
-        knots, coefficients = te.fine_table
-        kinks = np.zeros(knots.size - 1)
-    flank = np.zeros((8, knots.size), order="F")
-    flank[0], flank[1:7, :-1], flank[7, :-1] = knots, coefficients.T, kinks
-    if centred:
-        flank[1, :-1] -= 0.5 * sum(te.extrema)
-    return flank
 
 
 def method_of(osc: Oscillator, numerics: Numerics) -> str:
@@ -144,7 +102,7 @@ def _method(osc: Oscillator, ratio: Any, damping: Any, numerics: Numerics) -> st
         return "rk4"
     amplified = response_amplification(osc, ratio, damping)
     span = 2 * np.pi / ratio * np.maximum(1.0, 2 * damping)
-    graded = (span > GRADED_SPAN) & (not _series_is_taken(osc.te))
+    graded = (span > GRADED_SPAN) & (not series_is_taken(osc.te))
     lost = (amplified > MOST_AMPLIFIED) & ~graded
     if not np.any(lost):
         return "exact"
@@ -191,10 +149,11 @@ def _prepared(osc: Oscillator, numerics: Numerics, wanted: Wanted) -> tuple[Any,
             made.clear()
         method = method_of(osc, numerics)
         made[numerics, wanted] = (
-            method, _flank_argument(osc.te, osc.back_flank_te, method),
+            method, flank_argument(osc.te, osc.back_flank_te, method),
             _real_parameters(Points.of([osc]), numerics, method, wanted)[:, 0],
             _choices(osc, numerics, method, wanted))
-    return made[numerics, wanted]
+    prepared: tuple[Any, ...] = made[numerics, wanted]
+    return prepared
 
 
 def find_period(phi: Any, phi_dot: Any, labels: Any, scale: Any, most: Any) -> Any:
@@ -223,7 +182,7 @@ def flank_motion(osc: Oscillator, t: Any) -> Any:
     array (3, n), rad, rad, rad (per τ and τ²)
     """
     t = np.ascontiguousarray(t, dtype=float)
-    return api.evaluate_table(_flank_argument(osc.te, False), osc.flank_scale, osc.period, t)
+    return api.evaluate_table(flank_argument(osc.te, False), osc.flank_scale, osc.period, t)
 
 
 def _one(parts: list[NDArray[Any]]) -> NDArray[Any]:
@@ -330,8 +289,8 @@ class SweepResult:
     method: str = ""
 
 
-def sweep(points: Any, lines: list[tuple[int, int, bool]], starts: list[Any], *, numerics: Numerics,
-          wanted: Wanted, settle: int, record: int, log_room: int, threads: int,
+def sweep(points: Any, lines: Any, starts: Any, *, numerics: Numerics, wanted: Wanted,
+          settle: int, record: int, log_room: int, threads: int,
           progress: Callable[..., Any] | None = None, keep_interrupted: bool = False,
           keep_cycles: Any = True) -> SweepResult:
     """Run many oscillators of one table in lines.
@@ -364,7 +323,7 @@ def sweep(points: Any, lines: list[tuple[int, int, bool]], starts: list[Any], *,
     points = points if isinstance(points, Points) else Points.of(points)
     n, shared = len(points), points.shared
     method = common_method(points, numerics)
-    flank = _flank_argument(shared.te, shared.back_flank_te, method)
+    flank = flank_argument(shared.te, shared.back_flank_te, method)
     reals = _real_parameters(points, numerics, method, wanted)
     way = np.array(lines, dtype=np.intc).reshape(-1, 3)
     # First and last point, carried, the next point, the stage it is in.
