@@ -5,6 +5,7 @@ import pytest
 
 from helpers import SHIPPED
 from lapwing import GearPair, TransmissionError, sweep
+from lapwing.deck.schema import numeric_parameters
 from lapwing.engine import Points
 from lapwing.engine.points import NUMBERS
 from lapwing.studies.period import LABELS, find_period, motion_class
@@ -38,6 +39,11 @@ def test_numbers_are_those_of_each_oscillator(parameter, drive_torque, degrees):
 
 def test_every_parameter_is_one_of_the_functions_that_vary_it():
     assert {"brake_torque", "mesh_frequency_hz", "backlash"} < set(parameters())
+
+
+def test_python_varies_what_a_deck_varies():
+    """Not the numbers of teeth, which are whole."""
+    assert set(parameters()) == set(numeric_parameters())
 
 
 def test_the_first_value_refused_is_named():

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 TORQUES = ("brake_torque", "drive_torque")
 SPEEDS = ("pinion_speed_rpm", "pinion_speed_rad_s", "mesh_frequency_hz")
-# Numbers of the pair itself.
-OF_PAIR = tuple(field.name for field in fields(GearPair))
+# Numbers of the pair itself, teeth apart: they are counted.
+OF_PAIR = tuple(field.name for field in fields(GearPair) if not field.name.endswith("_teeth"))
 
 
 def parameters() -> tuple[str, ...]:
