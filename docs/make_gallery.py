@@ -27,6 +27,8 @@ DECKS = {
                       "rises while the teeth rattle.",
     "speed_compliant": "The same smooth transmission error without restitution, over the speed: "
                        "the classical resonance of gear rattle.",
+    "plane_25x32": "Every combination of speed and braking torque for the smooth transmission "
+                   "error.",
     "minimal": "The shortest deck.",
 }
 FIGURES = {
@@ -39,6 +41,10 @@ FIGURES = {
     "exponents": "Largest Lyapunov exponent and larger Floquet multiplier under the orbit diagram.",
     "impact_speed_density": "How often impacts of which speed happen.",
     "waterfall": "Order spectra of the displacement.",
+    "map_classes": "Kinds of motion over speed and braking torque, a cell for each run; dashed: "
+                   "the torque above which contact can be kept.",
+    "map_depth": "Deepest separation over speed and braking torque.",
+    "map_arrivals": "Impacts per mesh cycle over speed and braking torque; outlined: back impacts.",
     "critical_search": "Searches for critical values: what was tried, what was seen, the bracket "
                        "that is left.",
     "te_curve": "Transmission error with its knots, slopes and kinks.",

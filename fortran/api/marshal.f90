@@ -22,7 +22,7 @@ module lapwing_api_marshal
   use lapwing_run, only: run_to, deadline_in
   use lapwing_system_start, only: start_of_run
   use lapwing_run_checkpoint, only: blob_size, work_size, pack_blob, unpack_blob
-  use lapwing_run_sweep, only: sweep_t, line_t, sweep_lines, prepare_sweep, stage_done, &
+  use lapwing_run_sweep, only: sweep_t, line_t, sweep_lines, stage_done, &
       outcome_columns
   use lapwing_observers_tangent, only: tangent_columns
   use lapwing_flank, only: locate_piece
@@ -273,7 +273,6 @@ contains
       line(i) = line_t(lines(1, i), lines(2, i), lines(3, i) == 1, lines(4, i), lines(5, i), &
           starts(:, i))
     end do
-    call prepare_sweep(sweep)
     call sweep_lines(sweep, line, blobs, deadline_in(within(1)), nint(within(2)))
     do i = 1, size(line)
       lines(4:5, i) = [line(i)%point, line(i)%stage]

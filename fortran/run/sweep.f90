@@ -19,7 +19,7 @@ module lapwing_run_sweep
   use lapwing_run_checkpoint, only: pack_blob, unpack_blob, pack_work, work_size
   implicit none
   private
-  public :: sweep_t, line_t, sweep_lines, prepare_sweep, stage_done, outcome_columns
+  public :: sweep_t, line_t, sweep_lines, stage_done, outcome_columns
 
   ! Stages of the point under way, and of a line that is done. The last settling cycle has its own.
   integer, parameter :: stage_start = 0, stage_settle = 1, stage_prepare = 2, stage_record = 3
@@ -32,7 +32,6 @@ module lapwing_run_sweep
   !> What every point of a sweep has in common, and where results go.
   type :: sweep_t
     type(parameters_t), allocatable :: point(:)                    !! (n_points)
-    logical :: one_scene = .false.                                 !! points differ in force only
     real(wp), pointer :: knots(:) => null()                        !! table, see `oscillator`
     real(wp), pointer :: coefficients(:, :) => null()              !! table
     logical, pointer :: kinks(:) => null()                         !! table
@@ -64,17 +63,6 @@ module lapwing_run_sweep
 
 contains
 
-  !> Find out what the points share.
-  subroutine prepare_sweep(sweep)
-    type(sweep_t), intent(inout) :: sweep            !! the sweep, its points known
-    integer :: i
-    sweep%one_scene = .false.
-    do i = 2, size(sweep%point)
-      if (.not. differ_in_force_only(sweep%point(1), sweep%point(i))) return
-    end do
-    sweep%one_scene = .true.
-  end subroutine prepare_sweep
-
   !> Go on with every line until it is done or the deadline has come.
   subroutine sweep_lines(sweep, lines, blobs, deadline, n_threads)
     type(sweep_t), intent(in) :: sweep               !! the sweep
@@ -87,7 +75,8 @@ contains
     !$omp end parallel
   end subroutine sweep_lines
 
-  !> One thread's share of the lines. Its oscillator serves all points that differ in force only.
+  !> One thread's share of the lines. An oscillator serves the next point too where that differs in
+  !> its force only.
   subroutine share_lines(sweep, lines, blobs, deadline)
     type(sweep_t), intent(in) :: sweep               !! the sweep
     type(line_t), intent(inout) :: lines(:)          !! its lines
@@ -95,20 +84,21 @@ contains
     integer(int64), intent(in) :: deadline           !! clock count at which to stop
     class(oscillator_t), allocatable, target :: system
     class(flow_t), allocatable :: flow
+    type(parameters_t) :: made   ! point that they were made for
     logical :: stopped   ! at the deadline: then no other line is begun
     integer :: i
     stopped = .false.
     !$omp do schedule(dynamic, 1)
     do i = 1, size(lines)
       if (stopped .or. lines(i)%stage == stage_done) cycle
-      call go_on(sweep, lines(i), blobs(:, i), deadline, system, flow)
+      call go_on(sweep, lines(i), blobs(:, i), deadline, system, flow, made)
       stopped = lines(i)%stage < stage_done
     end do
     !$omp end do
   end subroutine share_lines
 
   !> Go on with one line.
-  subroutine go_on(sweep, line, blob, deadline, system, flow)
+  subroutine go_on(sweep, line, blob, deadline, system, flow, made)
     type(sweep_t), intent(in) :: sweep               !! the sweep
     type(line_t), intent(inout) :: line              !! the line
     real(wp), intent(inout) :: blob(:)               !! run under way
@@ -117,13 +107,14 @@ contains
                                                                         !! each point
     class(flow_t), allocatable, intent(inout) :: flow          !! and its way to move; none yet: not
                                                                !! made
+    type(parameters_t), intent(inout) :: made        !! point that they were made for
     type(hybrid_state_t) :: state
     type(recorder_t) :: recorder
     type(work_t) :: work
     real(wp) :: final(3, 1)
     integer :: status, error
     do while (line%stage < stage_done)
-      call make_point(sweep, sweep%point(line%point), system, flow, error)
+      call make_point(sweep, sweep%point(line%point), system, flow, made, error)
       if (error /= 0) then
         call give_up(sweep, line)
         return
@@ -146,19 +137,23 @@ contains
   end subroutine go_on
 
   !> The oscillator of a point and its way to move: made, or those before under another force.
-  subroutine make_point(sweep, point, system, flow, error)
+  subroutine make_point(sweep, point, system, flow, made, error)
     type(sweep_t), intent(in) :: sweep                         !! the sweep
     type(parameters_t), intent(in) :: point                    !! the point's parameters
     class(oscillator_t), allocatable, intent(inout), target :: system   !! another's; then its own
     class(flow_t), allocatable, intent(inout) :: flow          !! the same
+    type(parameters_t), intent(inout) :: made                  !! point that they were made for
     integer, intent(out) :: error                              !! 0, or there is no memory for them
     error = 0
-    if (allocated(flow) .and. sweep%one_scene) then
-      call system%change_force(point)
-      call flow%change_force(point%force)
-      return
+    if (allocated(flow)) then
+      if (differ_in_force_only(made, point)) then
+        call system%change_force(point)
+        call flow%change_force(point%force)
+        return
+      end if
+      deallocate (flow)
     end if
-    if (allocated(flow)) deallocate (flow)
+    made = point
     call make_system(point, sweep%knots, sweep%coefficients, sweep%kinks, sweep%series, &
         system, error)
     if (error == 0) call make_flow(sweep%numerics%method, system, flow, error)

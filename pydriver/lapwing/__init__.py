@@ -30,6 +30,7 @@ _HOMES = {
     "progress_bar": "progress",
     "simulate": "studies.trajectory",
     "sweep": "studies.sweep.run",
+    "parameter_map": "studies.map.run",
     "find_orbit": "studies.orbit",
     "follow": "studies.orbit",
     "period_doubling": "studies.orbit",

@@ -31,6 +31,7 @@ from lapwing.folder import (
     read_text,
     refuse_others,
 )
+from lapwing.results.shards import discard_studies
 from lapwing.results.store import (
     COMPLETE,
     INCOMPLETE,
@@ -53,6 +54,8 @@ if TYPE_CHECKING:
 
 # Formats of figures by what is asked for.
 FIGURES = {"none": (), "png": ("png",), "all": ("png", "pdf")}
+# Of a folder in which large studies keep what is finished as long as there is no result.
+SHARDS = ".shards"
 # Of a folder in which an interrupted run keeps what it finished beside complete results.
 INTERRUPTED = ".interrupted"
 
@@ -144,6 +147,7 @@ class _Run:
         self.drawn_already = set(formats) <= set(present)
         self.formats = tuple(sorted({*formats, *present}, reverse=True))
         self.aside = folder.with_name(folder.name + INTERRUPTED)
+        self.shards = folder.with_name(folder.name + SHARDS)
         # A verified result file that lacks nothing, and its checksums, where there is one.
         self.whole: tuple[Path, dict[str, str]] | None = None
 
@@ -159,7 +163,8 @@ class _Run:
             return Outcome(self.folder, reused=True, findings=findings)
         estimates.require_disk(self.deck, self.folder)
         with Crew(self.threads) as crew:
-            found = compute(self.deck, self.threads, self.report, known)
+            found = compute(self.deck, self.threads, self.report, known, self.shards,
+                            self.notes.append)
             return self._publish(found, crew)
 
     def _known(self) -> dict[tuple[str, str], xr.Dataset] | None:
@@ -250,6 +255,7 @@ class _Run:
                 undrawn[Path(name).stem] = f"a file of yours is named {name}; it is left as it is"
         if drawn:
             discard(self.aside)
+            discard_studies(self.shards)
         missing = [(kind, name) for kind, name in studies_of(self.deck)
                    if name not in found.studies[kind]]
         return Outcome(folder, interrupted=not drawn, failed=found.failed(), undrawn=undrawn,

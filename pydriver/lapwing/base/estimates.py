@@ -17,6 +17,8 @@ CYCLE, TANGENT, LOG, SAMPLE, REAL = 17, 13, 6, 3, 8
 LOG_ROOM = 2000
 # In the result file, per sample and per cycle: numbers of 8 bytes, and whole ones of 4 and 1.
 STORED_SAMPLE, STORED_CYCLE = 6 * 8 + 4 + 1, 4 * 8 + 12 * 4
+# A run of a map: status, period, arrivals at both flanks, chatter, states; five real numbers.
+MAP_RUN = 1 + 2 + 2 * 4 + 1 + 1 + 5 * REAL
 # Deflate makes no more of it; a figure in its two formats is never smaller.
 PACKED, FIGURE = 1032, 20_000
 _NO_LIMIT = 2**60

@@ -137,6 +137,15 @@ DESCRIPTIONS: dict[str, tuple[str | None, str]] = {
     "motion_class": (None, "p:(i,j), i drive and j coast impacts in p mesh cycles; c: complete "
                      "chatter"),
     "period": ("1", "period in mesh cycles, 0: none found"),
+    "arrivals": ("1", "arrivals at the drive flank in a period, or in all recorded cycles of a "
+                 "motion without one"),
+    "back_arrivals": ("1", "arrivals at the coast flank in a period, or in all recorded cycles of "
+                      "a motion without one"),
+    "impacts_per_cycle": ("1", "arrivals at the drive flank per mesh cycle"),
+    "back_impacts_per_cycle": ("1", "arrivals at the coast flank per mesh cycle"),
+    "chatter": (None, "whether a chatter was complete in a recorded cycle"),
+    "fastest_arrival": ("rad", f"fastest arrival at a flank, {VELOCITY}"),
+    "full_engagement": ("N m", "braking torque above which contact can be kept, T_full"),
     **STABILITY,
     "speed_edge": ("rad", f"edges of the bins of impact speed, {VELOCITY}"),
     "impact_speed_density": ("1", "impacts per mesh cycle in a bin of speed, either flank"),

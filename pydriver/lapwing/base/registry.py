@@ -5,7 +5,8 @@ A study is a group of the deck, of the results, of the summary and of the figure
 keys    its keys in a deck, their checks and what follows from them (`deck.declare.StudyKeys`)
 study   how it is carried out: `carry_out(deck, study, order, threads, done)`, `extent(study)`,
         `failed(dataset)`, and how long it takes: `estimate(deck, study, seconds, clock, threads)`,
-        the fields of `studies.cost.Stage` after its name
+        the fields of `studies.cost.Stage` after its name; where it has `KEEPS_SHARDS`, `carry_out`
+        takes a folder for them and a callable(text) for notes besides
 report  `headline(dataset)` in one line, `section(datasets, results)`, lines of the summary, and
         where all are told together first, `table(datasets)`
 figures modules of `lapwing.plots` with a `draw(dataset, gear_pair, ...)` and, where not every
@@ -66,7 +67,9 @@ STUDIES = {study.kind: study for study in (
            "sweep.waterfall"), turn=3, told=2),
     Study("critical", "critical value", "deck.keys.critical:CriticalKeys",
           "studies.critical.study", "report.critical", ("critical_search", "fit_orders"), turn=2,
-          told=1))}
+          told=1),
+    Study("map", "map", "deck.keys.map:MapKeys", "studies.map.study", "report.map.text",
+          ("map.map_classes", "map.map_depth", "map.map_arrivals"), turn=4, told=4))}
 
 
 def give_accessor() -> None:

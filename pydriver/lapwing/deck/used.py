@@ -70,6 +70,8 @@ def changed_keys(old: Deck, new: Deck) -> tuple[str, ...]:
     lines = []
     for group in dict.fromkeys([*was, *now]):
         before, after = was.get(group, {}), now.get(group, {})
+        if before == after:
+            continue
         if not before or not after:
             lines.append(f"{group}: {'added' if after else 'removed'}")
             continue

@@ -12,12 +12,14 @@ from lapwing.engine.calls import (
     flank_motion,
     method_of,
     position,
+    steps,
     sweep,
     thinned,
 )
 from lapwing.engine.numerics import METHODS, Numerics, Wanted, chosen
 from lapwing.engine.points import Points
 from lapwing.engine.records import (
+    OUTCOME_TABLE,
     columns,
     impacts_of,
     named,
@@ -27,8 +29,8 @@ from lapwing.engine.records import (
     work_counts,
 )
 
-__all__ = ["CALL_SECONDS", "GO_ON", "METHODS", "MOST_LOOKED_FOR", "REST", "Numerics", "Points",
-           "SweepResult", "TrajectoryCall", "Wanted", "chosen", "columns", "common_method",
-           "find_period", "flank_motion", "impacts_of", "method_of", "named",
-           "numbers", "of_kind", "position", "sweep", "thinned", "unknown",
-           "work_counts"]
+__all__ = ["CALL_SECONDS", "GO_ON", "METHODS", "MOST_LOOKED_FOR", "OUTCOME_TABLE", "REST",
+           "Numerics", "Points", "SweepResult", "TrajectoryCall", "Wanted", "chosen",
+           "columns", "common_method", "find_period", "flank_motion", "impacts_of",
+           "method_of", "named", "numbers", "of_kind", "position", "steps", "sweep",
+           "thinned", "unknown", "work_counts"]

@@ -74,7 +74,8 @@ def method_of(osc: Oscillator, numerics: Numerics) -> str:
         where 'exact' is asked for and there is none, or the response is more than `MOST_AMPLIFIED`
         times its cause.
     """
-    return _method(osc, osc.mesh_frequency_ratio, osc.damping_ratio, numerics)
+    stepped = _steps(osc, osc.mesh_frequency_ratio, osc.damping_ratio, numerics)
+    return "rk4" if stepped else "exact"
 
 
 def common_method(points: Any, numerics: Numerics) -> str:
@@ -90,24 +91,28 @@ def common_method(points: Any, numerics: Numerics) -> str:
     # Neither forces nor anything else but these matter here.
     if np.all(ratio == ratio[0]) and np.all(damping == damping[0]):
         ratio, damping = ratio[0], damping[0]
-    return _method(points.shared, ratio, damping, numerics)
+    return "rk4" if np.any(_steps(points.shared, ratio, damping, numerics)) else "exact"
 
 
-def _method(osc: Oscillator, ratio: Any, damping: Any, numerics: Numerics) -> str:
-    """`common_method` of all mesh frequency ratios and damping ratios (numbers or arrays)."""
+def steps(points: Points, numerics: Numerics) -> NDArray[np.bool_]:
+    """Which of the points `method_of` moves by 'rk4', array (n,) of bool."""
+    return np.broadcast_to(_steps(points.shared, points.mesh_frequency_ratio,
+                                  points.damping_ratio, numerics), len(points))
+
+
+def _steps(osc: Oscillator, ratio: Any, damping: Any, numerics: Numerics) -> Any:
+    """Whether mesh frequency ratios and damping ratios (numbers or arrays) want 'rk4'."""
     if numerics.method == "exact" and osc.degrees_of_freedom == 2:
         raise ValueError("method = 'exact' goes with degrees_of_freedom = 1, expected 'rk4' or "
                          "'auto'")
     if numerics.method == "rk4" or osc.degrees_of_freedom == 2:
-        return "rk4"
+        return np.True_
     amplified = response_amplification(osc, ratio, damping)
     span = 2 * np.pi / ratio * np.maximum(1.0, 2 * damping)
     graded = (span > GRADED_SPAN) & (not series_is_taken(osc.te))
     lost = (amplified > MOST_AMPLIFIED) & ~graded
-    if not np.any(lost):
-        return "exact"
-    if numerics.method == "auto":
-        return "rk4"
+    if numerics.method == "auto" or not np.any(lost):
+        return lost
     raise ValueError(f"method = 'exact': so near to an undamped resonance (amplification "
                      f"{np.max(amplified[lost]):.3g}) the closed form loses its digits; take "
                      "'rk4'")

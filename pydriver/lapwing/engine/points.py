@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,16 @@ class Points:
 
     def __len__(self) -> int:
         return len(self.force)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Points]) -> Points:
+        """Several one after the other; they share what the first does."""
+        return cls(parts[0].shared, **{
+            name: np.concatenate([getattr(part, name) for part in parts]) for name in NUMBERS})
+
+    def take(self, which: NDArray[Any]) -> Points:
+        """Some of them, by index or by a mask."""
+        return Points(self.shared, **{name: getattr(self, name)[which] for name in NUMBERS})
 
     def repeated(self, times: int) -> Points:
         """All of them so many times over."""

@@ -32,7 +32,7 @@ def summary_text(results: Results) -> str:
     found = {study: [results.study(study.kind, name) for name in results.studies[study.kind]]
              for study in told()}
     lines = [f"# {results.attrs['deck_name']}", "",
-             *findings_lines(findings(*studies_in(results), results.missing)), "",
+             *findings_lines(findings(*studies_in(results), results.missing, _maps(results))), "",
              *_gear(results)]
     for study, datasets in found.items():
         part = study.part("report")
@@ -48,6 +48,11 @@ def studies_in(results: Results) -> tuple[list[xr.Dataset], list[xr.Dataset], li
     return ([results.response(name) for name in results.responses],
             [results.critical(name) for name in results.criticals],
             [results.sweep(name) for name in results.sweeps])
+
+
+def _maps(results: Results) -> list[xr.Dataset]:
+    """Datasets of the maps."""
+    return [results.study("map", name) for name in results.studies["map"]]
 
 
 def _missing(results: Results) -> list[str]:

@@ -75,16 +75,20 @@ def verify_file(path: str | Path) -> bool:
     import netCDF4
 
     with netCDF4.Dataset(path) as file:
-        if "lapwing_version" not in file.ncattrs():
+        try:
+            names = {*file.ncattrs()}
+            listed = file.getncattr(CHECKSUMS) if CHECKSUMS in names else ""
+        except (RuntimeError, AttributeError) as error:  # a damaged attribute has no name
+            raise DamagedFile(f"{path} is damaged: {error}") from None
+        if "lapwing_version" not in names:
             raise ValueError(f"{path} is no result file of Lapwing")
         # Any attribute that version 0.1 did not have: a damaged name hides no damage.
-        if not {"schema_version", CHECKSUMS, "engine_sha256", "interrupted"} & {*file.ncattrs()}:
+        if not {"schema_version", CHECKSUMS, "engine_sha256", "interrupted"} & names:
             return False
-        listed = getattr(file, CHECKSUMS, "")
     try:
         stated = json.loads(listed)
         found = checksums(path)
-    except (ValueError, RuntimeError, OSError) as error:
+    except (ValueError, RuntimeError, OSError, AttributeError) as error:
         raise DamagedFile(f"{path} is damaged: {error}") from None
     wrong = sorted(name for name in {*stated, *found} if stated.get(name) != found.get(name))
     if wrong:

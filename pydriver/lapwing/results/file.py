@@ -230,6 +230,11 @@ class Results:
         return self.studies.get("critical", ())
 
     @property
+    def maps(self) -> tuple[str, ...]:
+        """Names of the maps."""
+        return self.studies.get("map", ())
+
+    @property
     def transmission_error(self) -> xr.Dataset:
         """Dataset: knots, coefficients, kinks."""
         return self._group("transmission_error")

@@ -1,4 +1,4 @@
-"""What the points of a sweep show, and which of them have a result to judge by."""
+"""What the points of a sweep or a map show, and which of them have a result to judge by."""
 
 from __future__ import annotations
 
@@ -133,3 +133,39 @@ def span(values: NDArray[Any], unit: str = "") -> str:
 def names(starts: list[str]) -> str:
     """Starts in words."""
     return ", ".join(START_NAMES.get(start, start) for start in starts)
+
+
+# Kinds of motion in words, by what arrives at the flanks and after how many mesh cycles it repeats.
+KINDS = ("engaged throughout", "no arrivals, not engaged throughout", "period 1", "period 2",
+         "periods 3 and 4", "longer periods", "period 1, back impacts",
+         "longer periods, back impacts", "no period found", "no period found, back impacts")
+
+
+def map_kinds(data: xr.Dataset) -> tuple[tuple[str, ...], xr.DataArray]:
+    """Kind of motion of each run.
+
+    Parameters
+    ----------
+    data : xarray.Dataset of `lapwing.parameter_map`
+
+    Returns
+    -------
+    KINDS, in the words of the contact law; DataArray of int8, an index into them, -1 where there is
+    no result
+    """
+    period, known = data["period"], data["status"] == Status.OK
+    back = data["back_arrivals"] > 0
+    moves = (data["arrivals"] > 0) | back
+    engaged = ~moves & (data["states_visited"] == ENGAGED)
+    cases = [~known, engaged, ~moves, (period == 0) & back, period == 0, (period == 1) & back, back,
+             period == 1, period == 2, period <= 4]
+    found = np.select([case.values for case in cases], [-1, 0, 1, 9, 8, 6, 7, 2, 3, 4], 5)
+    words = data.attrs.get("arrival", "impact")
+    names = tuple(name.replace("impacts", f"{words}s") for name in KINDS)
+    return names, period.copy(data=found.astype(np.int8))
+
+
+def map_rattles(data: xr.Dataset) -> xr.DataArray:
+    """Whether each run saw anything but drive flank engagement; False where nothing is known."""
+    return (data["status"] == Status.OK) & (
+        (data["states_visited"] != ENGAGED) | (data["arrivals"] + data["back_arrivals"] > 0))

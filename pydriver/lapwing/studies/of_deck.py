@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 from lapwing.base.registry import STUDIES, carried_out
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import xarray as xr
 
     from lapwing.base.registry import Study
@@ -48,7 +50,8 @@ def studies_of(deck: Deck) -> list[tuple[str, str]]:
 
 
 def compute(deck: Deck, threads: int, report: Callable[..., Any],
-            known: dict[tuple[str, str], xr.Dataset] | None = None) -> Found:
+            known: dict[tuple[str, str], xr.Dataset] | None = None, folder: Path | None = None,
+            notes: Callable[[str], None] | None = None) -> Found:
     """Run the studies of a deck.
 
     1. Kind by kind (`registry.carried_out`), each in deck order: responses side by side, critical
@@ -62,6 +65,8 @@ def compute(deck: Deck, threads: int, report: Callable[..., Any],
     threads : int
     report : callable(label, total, unit) giving a callable(fraction done)
     known : dict of (kind, name) -> Dataset, finished studies of an earlier run; not run again
+    folder : Path or None, where large studies keep what is finished; each in `shards_of`
+    notes : callable(text) or None, told of what was found there and made again
 
     Returns
     -------
@@ -73,7 +78,8 @@ def compute(deck: Deck, threads: int, report: Callable[..., Any],
             if not deck.studies[study.kind]:
                 continue
             way = _side_by_side if study.side_by_side else _one_by_one
-            if not way(study, deck, threads, report, known, found.studies[study.kind]):
+            if not way(study, deck, threads, report, known, found.studies[study.kind],
+                       folder, notes):
                 found.interrupted = True
                 break
     except KeyboardInterrupt:
@@ -81,15 +87,23 @@ def compute(deck: Deck, threads: int, report: Callable[..., Any],
     return found
 
 
+def shards_of(folder: Path, kind: str, name: str) -> Path:
+    """Folder of the shards of one study."""
+    return folder / f"{kind}_{name}"
+
+
 def _one_by_one(study: Study, deck: Deck, threads: int, report: Callable[..., Any],
-                known: dict[tuple[str, str], xr.Dataset], found: dict[str, Any]) -> bool:
+                known: dict[tuple[str, str], xr.Dataset], found: dict[str, Any],
+                folder: Path | None, notes: Callable[[str], None] | None) -> bool:
     """Add the studies of a kind; returns whether none was stopped."""
     for order, asked in enumerate(deck.studies[study.kind]):
         dataset = known.get((study.kind, asked.name))
         if dataset is None:
             part = study.part("study")
             done = report(f"{study.kind} {asked.name}", *part.extent(asked))
-            dataset = part.carry_out(deck, asked, order, threads, done)
+            kept = {"folder": shards_of(folder, study.kind, asked.name), "notes": notes} \
+                if folder and getattr(part, "KEEPS_SHARDS", False) else {}
+            dataset = part.carry_out(deck, asked, order, threads, done, **kept)
         found[asked.name] = dataset
         if not is_finished(dataset):
             return False
@@ -97,7 +111,8 @@ def _one_by_one(study: Study, deck: Deck, threads: int, report: Callable[..., An
 
 
 def _side_by_side(study: Study, deck: Deck, threads: int, report: Callable[..., Any],
-                  known: dict[tuple[str, str], xr.Dataset], found: dict[str, Any]) -> bool:
+                  known: dict[tuple[str, str], xr.Dataset], found: dict[str, Any],
+                  *_: object) -> bool:
     """The same, several at a time."""
     from lapwing.studies.side_by_side import side_by_side
 

@@ -1,0 +1,177 @@
+"""Keys of &map: two axes, and what is done at each of their crossing points."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
+
+from pydantic import Field
+
+from lapwing.base import estimates
+from lapwing.deck.checks.ranges import range_values
+from lapwing.deck.deck import Asked
+from lapwing.deck.declare import NAME_PATTERN, StudyKeys, key
+
+if TYPE_CHECKING:
+    from lapwing.deck.checks.assemble import Studies
+    from lapwing.deck.load import _GroupReader
+    from lapwing.deck.problems import Place, Report
+    from lapwing.model.gear_pair import GearPair
+
+_Reals = list[Annotated[float, Field(ge=-1e15, le=1e15)]] | None
+_Counts = list[Annotated[int, Field(ge=2, le=100_000)]] | None
+_AXIS = ("parameter", "values", "from", "to", "count", "spacing")
+
+
+def _values(example: list[float]) -> Any:
+    return key(None, "the values themselves", "of the parameter", example, min_length=1)
+
+
+def _end(text: str, example: list[float]) -> Any:
+    return key(None, text, "of the parameter", example, min_length=1, max_length=100)
+
+
+def _count(example: list[int]) -> Any:
+    return key(None, "how many values each range has", "", example, min_length=1, max_length=100)
+
+
+def _spacing() -> Any:
+    return key("linear", "equal steps, or equal ratios; for all ranges of the axis")
+
+
+class MapKeys(StudyKeys):
+    """Two parameters over ranges of values, every combination of them."""
+
+    title = "two parameters, every combination of their values; any number of them"
+    chosen = ("x_from", "x_to", "x_count", "y_from", "y_to", "y_count")
+    exclusive = (("x_values", "x_from"), ("y_values", "y_from"))
+
+    name: str = key(text="names its figures and its part of the summary; letters, digits, . _ -",
+                    example="plane", pattern=NAME_PATTERN, max_length=64)
+    x_parameter: str = key(text="a real number of &gear_pair or &operation, drawn from left to "
+                           "right", example="pinion_speed_rpm")
+    x_values: _Reals = _values([240.0, 480.0, 1500.0])
+    x_from: _Reals = _end("where each range begins", [200.0])
+    x_to: _Reals = _end("where each range ends, included", [3000.0])
+    x_count: _Counts = _count([281])
+    x_spacing: Literal["linear", "log"] = _spacing()
+    y_parameter: str = key("brake_torque", "another one, drawn upwards")
+    y_values: _Reals = _values([0.8, 1.8, 3.3, 5.5, 12.0])
+    y_from: _Reals = _end("where each range begins", [0.2])
+    y_to: _Reals = _end("where each range ends, included", [14.0])
+    y_count: _Counts = _count([139])
+    y_spacing: Literal["linear", "log"] = _spacing()
+    start: Literal["rest", "up", "down"] = key(
+        "rest", "each run from rest; or carried upwards or downwards along y, the first one of "
+        "each x from rest")
+    settle_cycles: int = key(400, "mesh cycles before recording, in every run", ge=0,
+                             le=10_000_000)
+    record_cycles: int = key(100, "mesh cycles recorded in every run", ge=1, le=100_000)
+    shard_runs: int | None = key(
+        None, "runs of a shard, the part of the work that is kept at once; left out: some 20 s of "
+        "work, and at least 64 shards; no result depends on it", example=10_000, ge=1,
+        le=10_000_000)
+    rtol: float | None = key(None, "relative tolerance; left out: that of &numerics, else 1e-6",
+                             example=1e-6, ge=1e-13, le=1e-2)
+
+    def build(self, builder: Studies, reader: _GroupReader) -> Asked | None:
+        """See `StudyKeys`: the values of both axes, and oscillators at their corners."""
+        report = builder.report
+        axes = {}
+        for side in "xy":
+            axis: Any = _Axis(reader, side)
+            name = axis.keys.parameter.strip().lower()
+            group = builder.parameter(axis, name)
+            values = range_values(axis, cast("Report", _Said(report, side)))
+            if group is not None and values is not None:
+                bare = name.rpartition(".")[2]
+                builder.check_values(axis, bare, group, values)
+                if bare in axes:
+                    report.add(axis.places["parameter"], f"y_parameter = {bare!r} is x_parameter "
+                                                         "as well, expected another")
+                axes[bare] = (group, values)
+        if len(axes) < 2 or not builder.ready:
+            return None
+        operation = {k: v for k, v in builder.operation.items() if k not in axes}
+        self._check_corners(builder, reader, axes, operation)
+        names = tuple(axes)
+        return Asked("map", self, operation, builder.rtol(reader), {
+            "axes": {name: values for name, (_, values) in axes.items()},
+            "x_parameter": names[0], "y_parameter": names[1]})
+
+    @staticmethod
+    def _check_corners(builder: Studies, reader: _GroupReader, axes: dict[str, Any],
+                       operation: dict[str, Any]) -> None:
+        """Oscillators where both parameters are extreme."""
+        for ends in product(*({values[0], values[-1]} for _, values in axes.values())):
+            pair, at = cast("GearPair", builder.pair), operation
+            for (name, (group, _)), value in zip(axes.items(), map(float, ends), strict=True):
+                if group == "operation":
+                    at = {**at, name: value}
+                elif builder.report.refusals:
+                    return
+                else:
+                    pair = replace(pair, **{name: value})  # type: ignore[arg-type]
+            oscillator = builder.oscillator(reader, pair, at)
+            if oscillator is None:
+                return
+            if oscillator.force < 0 and oscillator.gap == "one_flank":
+                builder.report.add(reader.place, "starts from rest with a negative force need a "
+                                                 "coast flank to rest on")
+
+    def used(self, asked: Asked) -> dict[str, Any]:
+        """See `StudyKeys`."""
+        given = {f"{side}_spacing": None for side in "xy" if getattr(self, f"{side}_values")}
+        return super().used(asked) | given
+
+    def canonical(self, values: dict[str, Any], asked: Asked) -> dict[str, Any]:
+        """See `StudyKeys`: the ranges written out; how the work is cut decides nothing."""
+        left_out = {"shard_runs", *(f"{side}_{name}" for side in "xy" for name in _AXIS)}
+        return {name: value for name, value in values.items() if name not in left_out} | {
+            "axes": {name: list(map(float, axis)) for name, axis in asked.axes.items()}}
+
+    def memory(self, asked: Asked) -> tuple[int, str]:
+        """See `StudyKeys`: of the whole map, put together from its shards."""
+        return estimates.MAP_RUN * _runs(asked), "the numbers of values"
+
+    def disk(self, asked: Asked) -> tuple[int, int]:
+        """See `StudyKeys`."""
+        return estimates.MAP_RUN * _runs(asked), 3
+
+
+def _runs(asked: Asked) -> int:
+    return len(asked.axes[asked.x_parameter]) * len(asked.axes[asked.y_parameter])
+
+
+class _Axis:
+    """The keys of one axis under the names that those of a sweep have."""
+
+    def __init__(self, reader: _GroupReader, side: str) -> None:
+        self.name, self.place = reader.name, reader.place
+        self.keys = _Named({name.rstrip("_"): getattr(reader.keys, f"{side}_{name}")
+                            for name in _AXIS})
+        ours = {f"{side}_{name}": name for name in _AXIS}
+        self.places, self.key_places = (
+            {ours[name]: place for name, place in places.items() if name in ours}
+            for places in (reader.places, reader.key_places))
+        for name in ("parameter", "from"):  # where a key is left out, the group is to blame
+            self.places.setdefault(name, reader.place)
+
+
+class _Named:
+    """Values by attribute; `from` as pydantic spells it."""
+
+    def __init__(self, values: dict[str, Any]) -> None:
+        self.__dict__.update(values, from_=values["from"])
+
+
+class _Said:
+    """A report that says which axis is meant."""
+
+    def __init__(self, report: Report, side: str) -> None:
+        self._report, self._side = report, side
+
+    def add(self, place: Place, text: str, warning: bool = False) -> None:
+        """See `Report`."""
+        self._report.add(place, f"axis {self._side}: {text}", warning)

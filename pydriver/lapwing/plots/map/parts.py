@@ -1,0 +1,118 @@
+"""What the figures of a map share: the plane, its axes, T_full, what has no result."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lapwing.base.codes import Status
+from lapwing.plots import style
+from lapwing.plots.sweep.parts import axis_label, edges_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MISSING = "white"
+
+
+def axes_of(data: xr.Dataset) -> tuple[str, str]:
+    """Parameters drawn to the right and upwards."""
+    return str(data.attrs["x_parameter"]), str(data.attrs["y_parameter"])
+
+
+def plane(data: xr.Dataset, name: str) -> NDArray[Any]:
+    """A variable as array (y, x)."""
+    x, y = axes_of(data)
+    return data[name].transpose(y, x).values
+
+
+def known(data: xr.Dataset) -> NDArray[np.bool_]:
+    """Which runs have a result, (y, x)."""
+    return plane(data, "status") == Status.OK
+
+
+def new_plane(title: str) -> tuple[Figure, Axes]:
+    """Figure and panel."""
+    figure = style.new_figure(8.4, 6.2)
+    axis = figure.subplots()
+    axis.grid(False)
+    axis.set_facecolor(MISSING)
+    figure.suptitle(title)
+    return figure, axis
+
+
+def cells(axis: Axes, data: xr.Dataset, values: NDArray[Any], **look: Any) -> Any:
+    """Draw values (y, x) as cells, and label the axes; returns what a colour bar needs."""
+    x, y = axes_of(data)
+    edges = {name: _edges(data[name].values) for name in (x, y)}
+    drawn = axis.pcolormesh(edges[x], edges[y], values, rasterized=True, linewidth=0,
+                            antialiased=False, **look)
+    for name, one, scale in ((x, axis.xaxis, axis.set_xscale), (y, axis.yaxis, axis.set_yscale)):
+        if _is_log(data[name].values):
+            scale("log")
+            style.plain_powers(one)
+    axis.set_xlabel(axis_label(x))
+    axis.set_ylabel(axis_label(y))
+    axis.set_xlim(edges[x][0], edges[x][-1])
+    axis.set_ylim(edges[y][0], edges[y][-1])
+    return drawn
+
+
+def _is_log(values: NDArray[Any]) -> bool:
+    """Whether values are in equal ratios, and far apart."""
+    return values.size > 2 and values[0] > 0 and values[-1] > 3 * values[0] \
+        and np.ptp(np.diff(np.log(values))) < 1e-6
+
+
+def _edges(values: NDArray[Any]) -> NDArray[Any]:
+    return np.exp(edges_of(np.log(values))) if _is_log(values) else edges_of(values)
+
+
+def mark_full_engagement(axis: Axes, data: xr.Dataset) -> bool:
+    """T_full as a line, where it is known; returns whether it is seen."""
+    if "full_engagement" not in data or not np.isfinite(data["full_engagement"].values).any():
+        return False
+    (other,) = data["full_engagement"].dims
+    at, torque = data[other].values, data["full_engagement"].values
+    points = (at, torque) if axes_of(data)[0] == other else (torque, at)
+    for width, colour in ((2.6, "white"), (1.2, style.BLACK)):
+        axis.plot(*points, color=colour, linewidth=width, linestyle=(0, (5, 2)))
+    return True
+
+
+def full_engagement_handle() -> Any:
+    """Its entry in a legend."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], color=style.BLACK, linewidth=1.2, linestyle=(0, (5, 2)),
+                  label="T_full: contact can be kept above")
+
+
+def status_handles(data: xr.Dataset) -> tuple[list[Any], NDArray[np.bool_]]:
+    """Entries for what failed and what was not reached, and the cells of what failed (y, x)."""
+    from matplotlib.patches import Patch
+
+    status = plane(data, "status")
+    open_ = status == Status.UNFINISHED
+    failed = (status != Status.OK) & ~open_
+    handles = [Patch(facecolor=style.BLACK, label="failed")] * bool(failed.any())
+    handles += [Patch(facecolor=MISSING, edgecolor="0.6", label="not reached")] * bool(open_.any())
+    return handles, failed
+
+
+def finish(figure: Figure, axis: Axes, data: xr.Dataset, handles: list[Any]) -> Figure:
+    """What is below the panel."""
+    seen = mark_full_engagement(axis, data)
+    lost, failed = status_handles(data)
+    if failed.any():
+        from matplotlib.colors import ListedColormap
+
+        cells(axis, data, np.where(failed, 0.0, np.nan), cmap=ListedColormap([style.BLACK]))
+    handles = [*handles, *lost, *[full_engagement_handle()] * seen]
+    if handles:
+        figure.legend(handles=handles, loc="outside lower center", ncols=min(4, len(handles)))
+    return figure

@@ -1,0 +1,154 @@
+"""What a map says in words: shares of the kinds of motion, and how far rattling reaches."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lapwing.base.arrivals import arrivals_in
+from lapwing.base.codes import Status
+from lapwing.report.words import markdown, parameter_unit, parameter_words, plural
+from lapwing.results.findings import map_kinds, map_rattles
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from lapwing.results import Results
+
+# Columns of the plane that the table shows.
+TABLE_LINES = 12
+
+
+def section(maps: list[xr.Dataset], results: Results) -> list[str]:
+    """The summary's part on maps; see `registry`."""
+    return [line for one in maps
+            for line in ("", f"## Map {one.attrs['name']}", "", *map_text(one))]
+
+
+def headline(data: xr.Dataset) -> str:
+    """Runs that have a result, and why others have none."""
+    status = data["status"].values
+    done, open_ = (int((status == one).sum()) for one in (Status.OK, Status.UNFINISHED))
+    failed = status.size - done - open_
+    x, y = (parameter_words(str(data.attrs[f"{side}_parameter"])) for side in "xy")
+    return (f"{done} of {status.size} runs have a result, over {x} and {y}"
+            + f"; {open_} not reached" * bool(open_) + f"; {failed} failed" * bool(failed))
+
+
+def findings(data: xr.Dataset) -> list[str]:
+    """What a map answers, as a sentence or two in Markdown; none where it has no result."""
+    known = data["status"].values == Status.OK
+    if not known.any():
+        return []
+    x, y = (str(data.attrs[f"{side}_parameter"]) for side in "xy")
+    law, seen = arrivals_in(data.attrs), map_rattles(data).values
+    kept = 100 * (1 - seen[known].mean())
+    begun = {"rest": "from rest", "up": "carried upwards", "down": "carried downwards"}
+    said = [f"**Over {_range(data, x)} and {_range(data, y)} contact was kept in {kept:.3g} %** of "
+            f"{int(known.sum())} runs {begun[data.attrs['start']]} (map `{data.attrs['name']}`)"]
+    back = (data["back_arrivals"].values > 0) & known
+    for what, where in (("separation", seen), (f"back {law.word}s", back)):
+        said.append(f"{what} seen up to {_top(data, where)}" if where.any()
+                    else f"no {what} seen")
+    lost = int((~known).sum())
+    return ["; ".join(said) + "." + f" {plural(lost, 'run')} without a result may hold others."
+            * bool(lost)]
+
+
+def _range(data: xr.Dataset, name: str) -> str:
+    values = data[name].values
+    return (f"{parameter_words(name)} {values[0]:g} to {values[-1]:g} "
+            f"{parameter_unit(name)}").rstrip()
+
+
+def map_text(data: xr.Dataset) -> list[str]:
+    """Findings of one map, as a list; each says on how many runs it was judged.
+
+    Parameters
+    ----------
+    data : xarray.Dataset, group `map_<name>` of a result file
+
+    Returns
+    -------
+    list of str, lines of Markdown
+    """
+    lines = [_extent(data)]
+    known = data["status"].values == Status.OK
+    if not known.any():
+        return [*lines, "- no run has a result: nothing is known of the motions"]
+    names, found = map_kinds(data)
+    shares = np.bincount(found.values[known], minlength=len(names)) / known.sum()
+    lines.append("- kinds of motion, shares of the runs that have a result: " + ", ".join(
+        f"{name} {100 * share:.3g} %" for name, share in zip(names, shares, strict=True) if share))
+    law = arrivals_in(data.attrs)
+    for what, where in ((f"back {law.word}s", (data["back_arrivals"].values > 0) & known),
+                        ("anything but engagement of the drive flanks", map_rattles(data).values)):
+        lines.append(f"- {what}: {_reach(data, where)}")
+    lines.append(f"- {law.word}s are counted: {law.rule(data.attrs['count_depth'])}"
+                 + " separation" * law.threshold)
+    return [*lines, "", *_table(data, names, found)]
+
+
+def _extent(data: xr.Dataset) -> str:
+    attrs, status = data.attrs, data["status"].values
+    open_ = int((status == Status.UNFINISHED).sum())
+    failed = int((status != Status.OK).sum()) - open_
+    axes = " × ".join(
+        f"{parameter_words(name)} from {values[0]:g} to {values[-1]:g} {parameter_unit(name)}"
+        .rstrip() + f" ({plural(values.size, 'value')})"
+        for name in (str(attrs["x_parameter"]), str(attrs["y_parameter"]))
+        for values in (data[name].values,))
+    begun = {"rest": "each run from rest", "up": "carried upwards", "down": "carried downwards"}
+    return (f"- {axes}; {begun[attrs['start']]}, contact law `{attrs['contact_law']}`, "
+            f"{plural(attrs['settle'], 'mesh cycle')} to settle and {attrs['record']} recorded; "
+            f"{failed or 'none'} of {status.size} failed"
+            + f", **{open_} not reached**" * bool(open_))
+
+
+def _reach(data: xr.Dataset, where: NDArray[Any]) -> str:
+    """Ends of the values at which something was seen."""
+    if not where.any():
+        return "seen in no run that has a result"
+    return f"seen in {100 * where.mean():.3g} % of all runs, up to {_top(data, where)}"
+
+
+def _top(data: xr.Dataset, where: NDArray[Any]) -> str:
+    """The last value along y at which something was seen, and where along x."""
+    y, x = str(data.attrs["y_parameter"]), str(data.attrs["x_parameter"])
+    seen = data["status"].copy(data=where).transpose(y, x).values
+    values, columns = data[y].values, data[x].values
+    last = np.nonzero(seen.any(axis=1))[0][-1]
+    at = columns[seen[last]]
+    return (f"{parameter_words(y)} {values[last]:g} {parameter_unit(y)}".rstrip()
+            + " (the last one looked at)" * bool(last == values.size - 1)
+            + f", there at {parameter_words(x)} {at[0]:g}"
+            + f" to {at[-1]:g}" * bool(at[-1] > at[0]) + f" {parameter_unit(x)}".rstrip())
+
+
+def _table(data: xr.Dataset, names: tuple[str, ...], found: xr.DataArray) -> list[str]:
+    """Some columns of the plane: how far up rattling and back impacts were seen, T_full."""
+    x, y = str(data.attrs["x_parameter"]), str(data.attrs["y_parameter"])
+    values, columns = data[y].values, data[x].values
+    order = (y, x)
+    seen = map_rattles(data).transpose(*order).values
+    back = (data["back_arrivals"] > 0).transpose(*order).values
+    known = (data["status"] == Status.OK).transpose(*order).values
+    full = [f"{value:.4g}" for value in data["full_engagement"].values] \
+        if "full_engagement" in data and data["full_engagement"].dims == (x,) else []
+    unit_x, unit_y = (f" ({parameter_unit(name)})" * bool(parameter_unit(name)) for name in (x, y))
+    rows = [(parameter_words(x) + unit_x, f"last back arrival seen{unit_y}",
+             f"last separation seen{unit_y}", *[f"T_full{unit_y}"] * bool(full),
+             "values with a result")]
+    for i in np.unique(np.linspace(0, columns.size - 1, TABLE_LINES).round().astype(int)):
+        last = [_last(values, one[:, i] & known[:, i], known[:, i]) for one in (back, seen)]
+        rows.append((f"{columns[i]:g}", *last, *full[i:i + 1],
+                     f"{int(known[:, i].sum())} of {values.size}"))
+    return markdown(rows)
+
+
+def _last(values: NDArray[Any], where: NDArray[Any], known: NDArray[Any]) -> str:
+    if not known.any():
+        return "not known"
+    return f"{values[where][-1]:g}" if where.any() else "none"

@@ -1,0 +1,1 @@
+"""Maps: every crossing point of two or more axes, cut into shards that survive their process."""

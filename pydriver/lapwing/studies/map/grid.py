@@ -1,0 +1,91 @@
+"""The runs of a map: crossing points of its axes, counted line by line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lapwing.engine import Points
+from lapwing.model.gear_pair import GearPair
+from lapwing.model.transmission_error import TransmissionError
+from lapwing.studies.sweep.varied import OF_PAIR, Varied
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Oscillators at the crossing points of axes.
+
+    Runs are counted line by line: along `line`, an axis, first, along the others in their order.
+
+    Attributes
+    ----------
+    pair : GearPair
+    te : TransmissionError
+    axes : dict of parameter -> array of its values, rising
+    line : str, the axis along which runs follow each other
+    operation : dict, the other arguments of `GearPair.oscillator`
+    """
+
+    pair: GearPair
+    te: TransmissionError
+    axes: Mapping[str, NDArray[np.float64]]
+    line: str
+    operation: Mapping[str, Any]
+
+    @cached_property
+    def order(self) -> tuple[str, ...]:
+        """Axes in the order in which runs are counted, the fastest last."""
+        return (*(name for name in self.axes if name != self.line), self.line)
+
+    @cached_property
+    def shape(self) -> tuple[int, ...]:
+        """Numbers of values in `order`."""
+        return tuple(len(self.axes[name]) for name in self.order)
+
+    @property
+    def runs(self) -> int:
+        """How many there are."""
+        return int(np.prod(self.shape, dtype=object))
+
+    @property
+    def length(self) -> int:
+        """Runs of a line."""
+        return self.shape[-1]
+
+    def points(self, first: int, stop: int) -> Points:
+        """Oscillators' numbers of the runs from `first` up to `stop`.
+
+        Raises
+        ------
+        ParameterError
+            (a ValueError) of the first oscillator that is refused.
+        """
+        parts = []
+        while first < stop:
+            line, at = divmod(first, self.length)
+            until = min(self.length, at + stop - first)
+            pair, operation = self._at_line(line)
+            parts.append(Varied(pair, self.te, self.line, self.axes[self.line][at:until],
+                                operation).points)
+            first += until - at
+        return Points.joined(parts)
+
+    def _at_line(self, line: int) -> tuple[GearPair, dict[str, Any]]:
+        """Pair and operation of a line of runs."""
+        where = np.unravel_index(line, self.shape[:-1]) if len(self.shape) > 1 else ()
+        given = {name: float(self.axes[name][i])
+                 for name, i in zip(self.order, where, strict=False)}
+        ours: dict[str, Any] = {name: value for name, value in given.items() if name in OF_PAIR}
+        others = {name: value for name, value in given.items() if name not in OF_PAIR}
+        return replace(self.pair, **ours), {**self.operation, **others}
+
+
+def fastest_axis(axes: Mapping[str, Any]) -> str:
+    """The last axis that moves one number of an oscillator alone, else the last."""
+    cheap = [name for name in axes if name not in OF_PAIR]
+    return (cheap or list(axes))[-1]

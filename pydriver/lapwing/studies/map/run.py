@@ -1,0 +1,320 @@
+"""A map: what happens at every crossing point of two or more axes."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lapwing.base import arguments, estimates
+from lapwing.base.arguments import MAX_INT, Refusals
+from lapwing.base.arrivals import arrivals_of
+from lapwing.base.codes import Status
+from lapwing.base.quantities import worded
+from lapwing.base.threads import checked_threads, usable_threads
+from lapwing.engine import Numerics
+from lapwing.model.gear_pair import GearPair
+from lapwing.model.transmission_error import TransmissionError
+from lapwing.results.shards import Shard, read_shard, write_shard
+from lapwing.studies.map.grid import Grid, fastest_axis
+from lapwing.studies.map.shards import KEPT, Job, carried_out, make_shard, shard_size
+from lapwing.studies.sweep.varied import OF_PAIR, oscillator_at, parameters
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+STARTS = ("rest", "up", "down")
+# Numbers that a run without a result does not have.
+REALS = tuple(name for name, kind in KEPT.items() if kind is float)
+# Shards handed to an executor beyond those that it works at.
+AHEAD = 4
+
+
+def parameter_map(pair: GearPair, te: TransmissionError, axes: Mapping[str, Any], *,
+                  line: str | None = None, start: str = "rest", settle: int = 400,
+                  record: int = 100, phase: float = 0.0, numerics: Numerics | None = None,
+                  shard_runs: int | None = None, folder: str | Path | None = None,
+                  executor: Executor | None = None, threads: int | None = None,
+                  progress: Callable[[float], None] | None = None,
+                  notes: Callable[[str], None] | None = None, keep_interrupted: bool = False,
+                  **operation: Any) -> xr.Dataset:
+    """Run every combination of the values of some parameters.
+
+    Parameters
+    ----------
+    pair : GearPair
+    te : TransmissionError
+    axes : mapping of parameter -> array (n,) of values, two or more, each an operating parameter of
+        `GearPair.oscillator` or a number of the pair; sorted and without repeats in the result
+    line : str or None, the parameter along which motions are carried; with 'rest' it decides
+        nothing. Default: the last one
+    start : 'rest' (each run from rest), 'up' or 'down' (each value of `line` from where the next
+        lower or higher one ended, the first from rest)
+    settle, record : int, mesh cycles before recording (>= 0), and recorded (>= 1)
+    phase : float, mesh phase at the start
+    numerics : Numerics or None; default: rtol 1e-6
+    shard_runs : int or None, runs of a shard, rounded up to whole lines where motions are carried;
+        default: some 20 s of work, and at least 64 shards. No number depends on it
+    folder : path or None, where shards are kept while there is work. A map that was stopped goes on
+        there: shards of the same values and the same build are read, others made again. They stay
+        (`lapwing.results.shards.discard_shards`)
+    executor : concurrent.futures.Executor or None, which carries out the shards, in other processes
+        or on other machines that see `folder`, which is needed then; default: threads
+    threads : int or None; default `threads.default_threads`
+    progress : callable(fraction done) or None
+    notes : callable(text) or None, told of shards that were made again, and why
+    keep_interrupted : bool, whether Ctrl-C returns what is finished (attribute `interrupted`, the
+        rest with status UNFINISHED) instead of raising KeyboardInterrupt
+    **operation : the other arguments of `GearPair.oscillator`
+
+    Returns
+    -------
+    xarray.Dataset over the axes, in their order: status (Status); period (mesh cycles, 0: none
+    found) with the arrivals at either flank in it, arrivals and back_arrivals (in all recorded
+    cycles of a motion without period); impacts_per_cycle and back_impacts_per_cycle; chatter, 1
+    where one was complete; states_visited (bits of MotionState); deepest_separation and
+    deepest_back_penetration (rad), and fastest_arrival (rad per τ) of the recorded cycles. A run
+    that fails has no numbers but its status.
+
+    Raises
+    ------
+    TypeError, ValueError
+        for every refused argument, the oscillators' own refusals included.
+    MemoryError
+        before any work, where the result cannot fit.
+    OSError
+        where a shard cannot be written.
+    """
+    job = _job(pair, te, axes, line, start, settle, record, phase, numerics, shard_runs, operation)
+    if executor is not None and folder is None:
+        raise ValueError("parameter_map: executor wants a folder, which its workers see as well")
+    arguments.flag("keep_interrupted", keep_interrupted)
+    for name, given in (("progress", progress), ("notes", notes)):
+        if given is not None:
+            arguments.function(name, given)
+    threads = usable_threads(checked_threads(threads), job.shards)
+    folder = None if folder is None else Path(arguments.path("folder", folder))
+    estimates.require(job.grid.runs * sum(np.dtype(kind).itemsize for kind in KEPT.values()),
+                      "parameter_map", "the values of an axis")
+    found = _Found(job, notes or (lambda _: None))
+    work = _Work(job, folder, found, progress)
+    interrupted = False
+    try:
+        work.carry_out(executor, threads)
+    except KeyboardInterrupt:
+        if not keep_interrupted:
+            raise
+        interrupted = True
+    return _dataset(job, found, interrupted)
+
+
+def _job(pair: GearPair, te: TransmissionError, axes: Any, line: str | None, start: str,
+         settle: int, record: int, phase: float, numerics: Numerics | None, shard_runs: int | None,
+         operation: dict[str, Any]) -> Job:
+    """The checked arguments as a `Job`, or every problem at once."""
+    taken = Refusals()
+    taken.take(arguments.instance, "pair", pair, GearPair)
+    taken.take(arguments.instance, "te", te, TransmissionError)
+    values = {}
+    if not isinstance(axes, Mapping) or len(axes) < 2:
+        taken.problems.append(arguments.wrong("axes", axes, "two or more: {parameter: values}"))
+        axes = {}
+    for name in axes:
+        if taken.take(arguments.choice, "axes", name, parameters()) is not None:
+            values[name] = taken.take(arguments.reals, name, axes[name])
+    taken.take(arguments.choice, "start", start, STARTS)
+    if line is not None:
+        taken.take(arguments.choice, "line", line, tuple(values))
+    for key, given, least in (("settle", settle, 0), ("record", record, 1)):
+        taken.take(arguments.whole, key, given, least)
+    if shard_runs is not None:
+        taken.take(arguments.whole, "shard_runs", shard_runs, 1)
+    taken.take(arguments.phase, "phase", phase)
+    if numerics is not None:
+        taken.take(arguments.instance, "numerics", numerics, Numerics)
+    taken.raise_if_any("parameter_map")
+    values = {name: np.unique(one) for name, one in values.items()}
+    if start == "rest":
+        line = fastest_axis(values)
+    grid = Grid(pair, te, values, line or list(values)[-1], operation)
+    if grid.runs > MAX_INT:
+        raise ValueError(f"parameter_map: {grid.runs} runs, expected at most {MAX_INT}")
+    if grid.length > MAX_INT // 8:
+        raise ValueError(f"parameter_map: {grid.length} values of {grid.line}")
+    _check_corners(grid)
+    length = 1 if start == "rest" else grid.length
+    size = shard_size(grid.runs, settle + record, length, shard_runs)
+    return Job(grid, start, int(settle), int(record), float(phase),
+               numerics or Numerics(rtol=1e-6), size)
+
+
+def _check_corners(grid: Grid) -> None:
+    """Refuse what is refused at a corner, where parameters are extreme together."""
+    for corner in np.ndindex(*(2,) * len(grid.axes)):
+        ends = {name: float(grid.axes[name][-at]) for name, at in zip(grid.axes, corner,
+                                                                      strict=True)}
+        last, value = ends.popitem()
+        pair, operation = grid.pair, dict(grid.operation)
+        for name, end in ends.items():
+            if name in OF_PAIR:
+                changed: dict[str, Any] = {name: end}
+                pair = replace(pair, **changed)
+            else:
+                operation[name] = end
+        osc = oscillator_at(pair, grid.te, last, value, operation)
+        if osc.force < 0 and osc.gap == "one_flank":
+            raise ValueError("parameter_map: rest with a negative force needs a coast flank to "
+                             "rest on")
+
+
+class _Found:
+    """The numbers of the shards that are done, in the order of the runs."""
+
+    def __init__(self, job: Job, notes: Callable[[str], object]) -> None:
+        self.notes = notes
+        self.data = {name: np.zeros(job.grid.runs, dtype=kind) for name, kind in KEPT.items()}
+        self.data["status"][:] = Status.UNFINISHED
+        self.done = np.zeros(job.shards, dtype=bool)
+        self.cpus: set[str] = set()
+        self._job = job
+
+    def take(self, index: int, shard: Shard) -> None:
+        """Put a shard in its place."""
+        first, stop = self._job.place(index)
+        for name, values in shard.data.items():
+            self.data[name][first:stop] = values
+        self.done[index] = True
+        self.cpus.add(shard.cpu)
+
+
+class _Work:
+    """Shards handed out and gathered."""
+
+    def __init__(self, job: Job, folder: Path | None, found: _Found,
+                 progress: Callable[[float], object] | None) -> None:
+        self.job, self.folder, self.found = job, folder, found
+        self._progress = progress
+        self._parts = np.zeros(job.shards)
+        self._stop = threading.Event()
+
+    def carry_out(self, executor: Executor | None, threads: int) -> None:
+        """Read what lies there, make the rest."""
+        left = [index for index in range(self.job.shards) if not self._read(index)]
+        self._tell()
+        if not left:
+            return
+        with contextlib.ExitStack() as stack:
+            if executor is None:
+                pool = stack.enter_context(ThreadPoolExecutor(threads))
+                ahead = threads
+
+                def submit(index: int) -> Future[Any]:
+                    return pool.submit(self._make, index)
+            else:
+                ahead, folder = AHEAD * threads, self.folder or Path()
+
+                def submit(index: int) -> Future[Any]:
+                    return executor.submit(make_shard, self.job, index, folder)
+            try:
+                self._hand_out(submit, left, ahead + AHEAD)
+            except BaseException:
+                self._stop.set()
+                raise
+
+    def _hand_out(self, submit: Callable[[int], Future[Any]], left: list[int],
+                  most: int) -> None:
+        """Keep an executor busy, and take what it has finished."""
+        waiting = iter(left)
+        under_way: dict[Future[Any], int] = {}
+        while True:
+            for index in waiting:
+                under_way[submit(index)] = index
+                if len(under_way) >= most:
+                    break
+            if not under_way:
+                return
+            try:
+                done, _ = wait(under_way, return_when=FIRST_COMPLETED)
+                for future in done:
+                    self._take(future, under_way.pop(future))
+            except BaseException:
+                self._stop.set()
+                for future in under_way:
+                    future.cancel()
+                self._take_finished(under_way)
+                raise
+
+    def _take_finished(self, under_way: dict[Future[Any], int]) -> None:
+        """After an interruption: what is finished counts."""
+        for future, index in under_way.items():
+            if future.done() and not future.cancelled() and future.exception() is None:
+                self._take(future, index)
+
+    def _take(self, future: Future[Any], index: int) -> None:
+        result = future.result()
+        if isinstance(result, Shard):
+            self.found.take(index, result)
+        elif not self._read(index):
+            raise OSError(f"shard {index} is not in {self.folder}, where a worker says it wrote it")
+        self._parts[index] = 1.0
+        self._tell()
+
+    def _make(self, index: int) -> Shard:
+        """One shard, in a thread of this process."""
+        from lapwing.results.file import provenance
+
+        data = carried_out(self.job, index, lambda part: self._tell(index, part), self._stop)
+        if self.folder is not None:
+            write_shard(self.folder, index, data, self.job.told(index))
+        return Shard(data, provenance()["cpu"])
+
+    def _read(self, index: int) -> bool:
+        """Take a shard that lies in the folder, if it is one of this map."""
+        if self.folder is None:
+            return False
+        shard, why = read_shard(self.folder, index, self.job.told(index))
+        if shard is None:
+            if why:
+                self.found.notes(f"shard {index} {why}: made again")
+            return False
+        self.found.take(index, shard)
+        self._parts[index] = 1.0
+        return True
+
+    def _tell(self, index: int | None = None, part: float = 0.0) -> None:
+        if index is not None:
+            self._parts[index] = part
+        if self._progress is not None:
+            self._progress(float(self._parts.mean()))
+
+
+def _dataset(job: Job, found: _Found, interrupted: bool) -> xr.Dataset:
+    import xarray as xr
+
+    grid = job.grid
+    data = {name: values.reshape(grid.shape) for name, values in found.data.items()}
+    bad = data["status"] != Status.OK
+    for name in REALS:
+        data[name][bad] = np.nan
+    cycles = np.where(data["period"] > 0, data["period"], job.record)
+    law = arrivals_of(grid.operation.get("contact_law", "restitution"))
+    for name in ("arrivals", "back_arrivals"):
+        data[name.replace("arrivals", "impacts_per_cycle")] = np.where(
+            bad, np.nan, data[name] / cycles)
+    variables = {name: (grid.order, values) for name, values in data.items()}
+    return worded(xr.Dataset(variables, dict(grid.axes), {
+        "contact_law": grid.operation.get("contact_law", "restitution"), "arrival": law.word,
+        "start": job.start, "line": grid.line, "settle": job.settle, "record": job.record,
+        "phase": job.phase, "rtol": job.numerics.rtol, "count_depth": job.numerics.count_depth,
+        "method": job.numerics.method, "shards": job.shards, "shard_runs": job.shard_runs,
+        "interrupted": int(interrupted), "cpus": "; ".join(sorted(found.cpus)),
+    })).transpose(*grid.axes)
+
+
+__all__ = ["parameter_map"]

@@ -1,0 +1,167 @@
+"""How a map is cut into shards, and one of them carried out.
+
+The cut follows from the map alone, never from a clock or the machine, and no number depends on it:
+a shard is made of whole lines where motions are carried along them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import threading
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lapwing import engine
+from lapwing.base.codes import Status
+from lapwing.engine import Numerics, Wanted
+from lapwing.results.shards import read_shard, write_shard
+from lapwing.studies.map.grid import Grid
+
+# Mesh cycles of a shard unless the caller says how many runs: some 20 s of one core. A smaller map
+# is cut into so many shards all the same, for as many threads to have work.
+CYCLES, FEWEST = 10_000_000, 64
+# Variables of a shard, as they are kept.
+KEPT = {"status": np.int8, "period": np.int16, "arrivals": np.int32, "back_arrivals": np.int32,
+        "chatter": np.int8, "states_visited": np.int8, "deepest_separation": float,
+        "deepest_back_penetration": float, "fastest_arrival": float}
+
+
+class Dropped(Exception):
+    """A shard under way that is given up."""
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """What is done at each crossing point.
+
+    Attributes
+    ----------
+    grid : Grid
+    start : 'rest', 'up' or 'down'
+    settle, record : int, mesh cycles
+    phase : float, mesh phase of the start
+    numerics : Numerics
+    shard_runs : int, runs of a shard
+    """
+
+    grid: Grid
+    start: str
+    settle: int
+    record: int
+    phase: float
+    numerics: Numerics
+    shard_runs: int
+
+    @property
+    def shards(self) -> int:
+        """How many there are."""
+        return -(-self.grid.runs // self.shard_runs)
+
+    def place(self, index: int) -> tuple[int, int]:
+        """First run of a shard, and the one behind its last."""
+        first = index * self.shard_runs
+        return first, min(first + self.shard_runs, self.grid.runs)
+
+    def told(self, index: int) -> dict[str, Any]:
+        """What a shard's file says of itself."""
+        first, stop = self.place(index)
+        return {"inputs": self.identity(), "first": first, "stop": stop}
+
+    def identity(self) -> str:
+        """SHA-256 of every value that the numbers of the map, and its cut, follow from."""
+        grid, te = self.grid, self.grid.te
+        whole = hashlib.sha256(json.dumps({
+            "pair": asdict(grid.pair), "operation": dict(grid.operation), "axes": list(grid.axes),
+            "line": grid.line, "start": self.start, "settle": self.settle, "record": self.record,
+            "phase": self.phase, "numerics": asdict(self.numerics),
+            "shard_runs": self.shard_runs}, sort_keys=True, default=str).encode())
+        for array in (*grid.axes.values(), te.knots, te.coefficients, te.kinks, te.harmonics):
+            whole.update(f"{array.dtype} {array.shape}\0".encode())
+            whole.update(np.ascontiguousarray(array).tobytes())
+        return whole.hexdigest()
+
+
+def shard_size(runs: int, cycles: int, length: int, wanted: int | None) -> int:
+    """Runs of a shard: as wanted, or by `CYCLES` and `FEWEST`; whole lines of `length` runs."""
+    size = wanted or max(1, min(CYCLES // max(cycles, 1), math.ceil(runs / FEWEST)))
+    return min(runs, math.ceil(size / length) * length)
+
+
+def carried_out(job: Job, index: int, progress: Callable[[float], None] | None = None,
+                stop: threading.Event | None = None) -> dict[str, NDArray[Any]]:
+    """The numbers of one shard, `KEPT`, computed by one thread.
+
+    Raises
+    ------
+    Dropped
+        soon after `stop` is set.
+    """
+    first, behind = job.place(index)
+    points = job.grid.points(first, behind)
+    stepped = _stepped(job, points)
+    outcome = np.empty(len(points), dtype=engine.OUTCOME_TABLE)
+    done = 0
+    for which in (np.flatnonzero(~stepped), np.flatnonzero(stepped)):
+        if not which.size:
+            continue
+        part = points if which.size == len(points) else points.take(which)
+        result = engine.sweep(
+            part, _lines(job, which.size), _starts(job, which.size), numerics=job.numerics,
+            wanted=Wanted(cycles=True), settle=job.settle, record=job.record, log_room=1,
+            threads=1, keep_cycles=False,
+            progress=_told(progress, stop, done / len(points), which.size / len(points)))
+        outcome[which] = result.outcome
+        done += which.size
+    good = outcome["status"] == Status.OK
+    return {name: np.where(good | (name == "status"), outcome[name], 0 if kind is not float
+                           else np.nan).astype(kind) for name, kind in KEPT.items()}
+
+
+def _stepped(job: Job, points: engine.Points) -> NDArray[np.bool_]:
+    """Which runs RK4 moves; a carried line whole, where it is needed at one of its values."""
+    stepped = engine.steps(points, job.numerics)
+    if job.start == "rest":
+        return stepped
+    by_line = stepped.reshape(-1, job.grid.length)
+    return np.repeat(by_line.any(axis=1), job.grid.length)
+
+
+def _lines(job: Job, runs: int) -> list[tuple[int, int, bool]]:
+    length = job.grid.length
+    if job.start == "rest":
+        return [(i, i, False) for i in range(runs)]
+    ends = [(first, first + length - 1) for first in range(0, runs, length)]
+    return [(*(end if job.start == "up" else reversed(end)), True) for end in ends]
+
+
+def _starts(job: Job, runs: int) -> list[tuple[float, float, float, float]]:
+    lines = runs if job.start == "rest" else runs // job.grid.length
+    return [(engine.REST, 0.0, 0.0, job.phase)] * lines
+
+
+def _told(progress: Callable[[float], object] | None, stop: threading.Event | None, begun: float,
+          share: float) -> Callable[[float], None]:
+    """Progress of a part, and a place to give up."""
+    def told(fraction: float) -> None:
+        if stop is not None and stop.is_set():
+            raise Dropped
+        if progress is not None:
+            progress(begun + share * fraction)
+    return told
+
+
+def make_shard(job: Job, index: int, folder: Path) -> int:
+    """Carry out one shard and publish it, in whatever process; returns its index.
+
+    One that lies there already, whole and of this map, is left as it is.
+    """
+    if read_shard(folder, index, job.told(index))[0] is None:
+        write_shard(folder, index, carried_out(job, index), job.told(index))
+    return index

@@ -1,0 +1,98 @@
+"""A map as a deck asks for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lapwing import engine
+from lapwing.base.codes import Status
+from lapwing.engine import Numerics, Wanted
+from lapwing.model.linear_response import critical_torque
+from lapwing.studies import cost
+from lapwing.studies.labels import labels
+from lapwing.studies.map.grid import Grid
+from lapwing.studies.map.run import parameter_map
+from lapwing.studies.sweep.varied import oscillator_at
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from lapwing.deck.deck import Asked, Deck
+
+# It keeps what is finished in a folder, while it is under way (`of_deck.compute`).
+KEEPS_SHARDS = True
+# Runs of a column that are tried for an estimate.
+TRIED = 8
+
+
+def extent(study: Asked) -> tuple[int, str]:
+    """How much of it there is to tell progress by, and in what unit."""
+    return int(np.prod([len(values) for values in study.axes.values()])), "runs"
+
+
+def failed(dataset: xr.Dataset) -> str:
+    """What failed numerically, in words; empty text, nothing."""
+    status = dataset["status"]
+    runs = int(((status != Status.OK) & (status != Status.UNFINISHED)).sum())
+    return f"map {{}} ({runs} runs)" * bool(runs)
+
+
+def carry_out(deck: Deck, study: Asked, order: int, threads: int,
+              done: Callable[[float], None] | None, folder: Path | None = None,
+              notes: Callable[[str], None] | None = None) -> xr.Dataset:
+    """One map of a deck; a signal keeps the shards that are finished. See `registry`."""
+    result = parameter_map(
+        deck.gear_pair, deck.te, study.axes, line=study.y_parameter, start=study.start,
+        settle=study.settle_cycles, record=study.record_cycles,
+        phase=deck.numerics["start_phase"], numerics=Numerics(**deck.numerics_of(study)),
+        shard_runs=study.shard_runs, folder=folder, threads=threads, progress=done, notes=notes,
+        keep_interrupted=True, **study.operation)
+    return result.assign(_full_engagement(deck, study)).assign_attrs(
+        labels(deck, study) | {"x_parameter": study.x_parameter, "y_parameter": study.y_parameter})
+
+
+def _full_engagement(deck: Deck, study: Asked) -> dict[str, Any]:
+    """T_full (N·m) at each value of the axis that is not the braking torque, where it is known."""
+    if "brake_torque" not in study.axes or "drive_torque" in study.axes \
+            or study.operation.get("drive_torque") is not None \
+            or study.operation["contact_law"] == "rigid":
+        return {}
+    other = next(name for name in study.axes if name != "brake_torque")
+    found = np.full(len(study.axes[other]), np.nan)
+    for i, value in enumerate(study.axes[other]):
+        osc = oscillator_at(deck.gear_pair, deck.te, other, value,
+                            {**study.operation, "brake_torque": 1.0})
+        try:
+            found[i] = critical_torque(osc)[0]
+        except ValueError:
+            continue  # no engaged motion there: at an undamped resonance
+    return {"full_engagement": (other, found)}
+
+
+def estimate(deck: Deck, study: Asked, seconds: float, clock: Callable[[], float],
+             threads: int) -> tuple[float, float, float]:
+    """How long it takes, from some runs from rest on some of its columns; see `cost.rates`.
+
+    What is carried along a column costs about what the same runs cost from rest.
+    """
+    columns, values = study.axes[study.x_parameter], study.axes[study.y_parameter]
+    some = values[np.unique(np.linspace(0, len(values) - 1, TRIED).round().astype(int))]
+
+    def tried(part: NDArray[Any]) -> None:
+        grid = Grid(deck.gear_pair, deck.te, {study.x_parameter: part, study.y_parameter: some},
+                    study.y_parameter, study.operation)
+        runs = grid.runs
+        engine.sweep(grid.points(0, runs), [(i, i, False) for i in range(runs)],
+                     [(engine.REST, 0.0, 0.0, deck.numerics["start_phase"])] * runs,
+                     numerics=Numerics(**deck.numerics_of(study)), wanted=Wanted(cycles=True),
+                     settle=study.settle_cycles, record=study.record_cycles, log_room=1, threads=1,
+                     keep_cycles=False)
+
+    low, high, count = cost.rates(tried, columns, seconds, clock)
+    whole = len(values) / len(some) * len(columns) / threads
+    return low * whole, high * whole, count * len(some) / (len(columns) * len(values))

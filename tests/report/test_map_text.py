@@ -1,0 +1,114 @@
+"""What is said of a map, also where runs are missing or failed."""
+
+import numpy as np
+import pytest
+
+from lapwing import Status, TransmissionError, parameter_map
+from lapwing.base.codes import MotionState
+from lapwing.plots.map import map_arrivals, map_classes, map_depth
+from lapwing.report.map.text import findings, headline, map_text
+from lapwing.results.findings import KINDS, map_kinds, map_rattles
+from lapwing_bench.scenes import PAIR
+
+TE = TransmissionError.harmonic([17e-6, 4.5e-6, 1.5e-6], [0.0, 1.0, 2.0], [1, 2, 3])
+
+
+@pytest.fixture(scope="module")
+def plane():
+    data = parameter_map(PAIR, TE, {"pinion_speed_rpm": np.linspace(500, 3000, 6),
+                                    "brake_torque": np.linspace(0.5, 13, 8)},
+                         settle=100, record=50, threads=2)
+    full = ("pinion_speed_rpm", np.linspace(1.0, 40.0, 6))
+    return data.assign(full_engagement=full).assign_attrs(
+        name="plane", x_parameter="pinion_speed_rpm", y_parameter="brake_torque")
+
+
+def lost(data, status, where):
+    """The same with some runs without a result."""
+    data = data.copy(deep=True)
+    data["status"].values[where] = status
+    for name in ("deepest_separation", "fastest_arrival", "impacts_per_cycle",
+                 "back_impacts_per_cycle", "deepest_back_penetration"):
+        data[name].values[where] = np.nan
+    for name in ("period", "arrivals", "back_arrivals", "chatter", "states_visited"):
+        data[name].values[where] = 0
+    return data
+
+
+def test_kinds_are_by_what_arrives_and_repeats(plane):
+    names, found = map_kinds(plane)
+    assert names == KINDS
+    for at in np.ndindex(found.shape):
+        run = plane.isel(pinion_speed_rpm=at[0], brake_torque=at[1])
+        period, back = int(run["period"]), int(run["back_arrivals"]) > 0
+        engaged = int(run["states_visited"]) == 1 << MotionState.ENGAGEMENT
+        word = names[int(found.values[at])]
+        assert (word == "engaged throughout") == (engaged and not run["arrivals"] and not back)
+        assert ("back impacts" in word) == back
+        assert ("no period" in word) == (period == 0)
+    assert len(np.unique(found)) > 3
+    assert np.array_equal(map_rattles(plane).values, found.values != 0)
+
+
+def test_a_whole_map_in_words(plane):
+    text, (said,) = "\n".join(map_text(plane)), findings(plane)
+    seen = plane["brake_torque"].values[map_rattles(plane).values.any(axis=0)].max()
+    kept = 100 * (1 - map_rattles(plane).values.mean())
+    assert f"contact was kept in {kept:.3g} %** of 48 runs from rest" in said
+    assert f"separation seen up to brake torque {seen:g} N·m" in said and "may hold" not in said
+    assert "none of 48 failed" in text and "T_full (N·m)" in text
+    assert text.count("| 8 of 8 |") == 6
+    assert headline(plane).startswith("48 of 48 runs have a result, over pinion speed and brake")
+
+
+@pytest.mark.parametrize("status", [Status.UNFINISHED, Status.TOO_MANY_EVENTS])
+def test_what_is_missing_is_said_and_judges_nothing(plane, status):
+    top = np.zeros(plane["status"].shape, dtype=bool)
+    top[:, 4:] = True
+    data = lost(plane, status, top)
+    text, (said,) = "\n".join(map_text(data)), findings(data)
+    assert "of 24 runs from rest" in said and "24 runs without a result may hold others" in said
+    assert ("**24 not reached**" in text) == (status == Status.UNFINISHED)
+    assert ("24 of 48 failed" in text) == (status != Status.UNFINISHED)
+    assert text.count("| 4 of 8 |") == 6
+    last = plane["brake_torque"].values[3]
+    assert f"up to brake torque {last:g}" in said and "(the last one looked at)" not in said
+
+
+@pytest.mark.parametrize("status", [Status.UNFINISHED, Status.STEP_TOO_SMALL])
+def test_nothing_known_says_so(plane, status):
+    data = lost(plane, status, np.ones(plane["status"].shape, dtype=bool))
+    assert findings(data) == []
+    assert "nothing is known" in map_text(data)[-1]
+    assert headline(data).startswith("0 of 48 runs")
+    assert not any(figure.shows(data) for figure in (map_classes, map_depth, map_arrivals))
+
+
+@pytest.mark.parametrize("figure", [map_classes, map_depth, map_arrivals])
+@pytest.mark.parametrize("damage", [None, Status.UNFINISHED, Status.TOO_MANY_EVENTS])
+def test_figures_tell_failed_from_missing(plane, figure, damage):
+    data = plane
+    if damage is not None:
+        where = np.zeros(plane["status"].shape, dtype=bool)
+        where[2:4, 1:5] = True
+        data = lost(plane, damage, where)
+    assert figure.shows(data)
+    drawn = figure.draw(data, {"backlash": 2e-3}, title="deck, map 'plane'")
+    words = [text.get_text() for legend in drawn.legends for text in legend.get_texts()]
+    assert ("not reached" in words) == (damage == Status.UNFINISHED)
+    assert ("failed" in words) == (damage == Status.TOO_MANY_EVENTS)
+    assert any("T_full" in word for word in words)
+    axis = drawn.axes[0]
+    assert axis.get_xlabel() == "pinion speed (rpm)"
+    assert axis.get_ylabel() == "braking torque (N·m)"
+
+
+def test_logarithmic_and_single_values_can_be_drawn():
+    for speeds in ([1500.0], np.geomspace(200, 3000, 5)):
+        data = parameter_map(PAIR, TE, {"brake_torque": [0.5, 5.0], "pinion_speed_rpm": speeds},
+                             settle=20, record=20).assign_attrs(
+            name="p", x_parameter="pinion_speed_rpm", y_parameter="brake_torque")
+        for figure in (map_classes, map_depth, map_arrivals):
+            axis = figure.draw(data).axes[0]
+            assert axis.get_xscale() == ("log" if len(speeds) > 1 else "linear")
+        assert findings(data)

@@ -1,0 +1,281 @@
+"""Maps: the numbers of sweeps, whatever the cut, and nothing lost between processes."""
+
+import subprocess
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
+import numpy as np
+import pytest
+
+import lapwing
+from helpers import dataset_bytes
+from lapwing import Numerics, Status, TransmissionError, parameter_map, sweep
+from lapwing.results.shards import discard_shards, read_shard, shard_path, shards_in
+from lapwing.studies.map.shards import shard_size
+from lapwing_bench.scenes import PAIR
+
+TE = TransmissionError.harmonic([17e-6, 4.5e-6, 1.5e-6], [0.0, 1.0, 2.0], [1, 2, 3])
+AXES = {"pinion_speed_rpm": [900.0, 1500.0, 2400.0], "brake_torque": np.linspace(0.5, 13, 11)}
+SETTLE, RECORD = 60, 40
+
+
+def mapped(axes=None, **options):
+    return parameter_map(PAIR, TE, AXES if axes is None else axes,
+                         **{"settle": SETTLE, "record": RECORD, "threads": 2, **options})
+
+
+def numbers_of(found):
+    return dataset_bytes(found.drop_attrs())
+
+
+@pytest.mark.parametrize("start", ["rest", "up", "down"])
+@pytest.mark.parametrize("law", ["restitution", "compliant"])
+def test_a_column_is_a_sweep(start, law):
+    found = mapped(start=start, line="brake_torque", contact_law=law)
+    assert found["status"].dims == tuple(AXES)
+    for speed in AXES["pinion_speed_rpm"]:
+        column = found.sel(pinion_speed_rpm=speed)
+        one = sweep(PAIR, TE, values=AXES["brake_torque"], starts=(start,), settle=SETTLE,
+                    record=RECORD, pinion_speed_rpm=speed, contact_law=law).isel(start=0)
+        assert np.array_equal(column["period"], one["period"])
+        for name in ("deepest_separation", "deepest_back_penetration"):
+            assert np.array_equal(column[name], one[name].max("recorded_cycle"))
+        counts = ("counted_impacts", "engages")[law == "compliant"]
+        for value in AXES["brake_torque"]:
+            run, cycles = column.sel(brake_torque=value), one.sel(brake_torque=value)
+            last = int(run["period"]) or RECORD
+            assert float(run["arrivals"]) == float(cycles[counts][-last:].sum())
+            assert float(run["impacts_per_cycle"]) == float(run["arrivals"]) / last
+    assert len(np.unique(found["period"])) > 1
+
+
+def test_other_axes_and_more_than_two():
+    axes = {"backlash": [1e-4, 2e-3], "brake_torque": [0.5, 3.0], "restitution": [0.2, 0.8]}
+    found = mapped(axes, pinion_speed_rpm=1500.0)
+    assert found["period"].shape == (2, 2, 2)
+    one = sweep(lapwing.GearPair(**{**vars(PAIR), "backlash": 1e-4, "restitution": 0.2}), TE,
+                values=[0.5, 3.0], starts=("rest",), settle=SETTLE, record=RECORD,
+                pinion_speed_rpm=1500.0)
+    assert np.array_equal(found["deepest_separation"].values[0, :, 0],
+                          one["deepest_separation"].max("recorded_cycle").values[0])
+
+
+@pytest.mark.parametrize("start", ["rest", "down"])
+def test_no_number_depends_on_the_cut(start, tmp_path):
+    expected = numbers_of(mapped(start=start, threads=1))
+    for size, threads, folder in ((1, 2, None), (5, 2, tmp_path / "a"), (33, 1, tmp_path / "b"),
+                                  (1000, 4, None)):
+        found = mapped(start=start, shard_runs=size, threads=threads, folder=folder)
+        assert numbers_of(found) == expected
+
+
+def test_a_run_is_moved_as_it_would_be_alone():
+    """Without damage an undamped resonance wants RK4; the runs beside it stay in closed form."""
+    pair = lapwing.GearPair(**{**vars(PAIR), "damping_ratio": 0.0})
+    resonance = pair.natural_frequency / (2 * np.pi)
+    axes = {"mesh_frequency_hz": resonance * np.array([0.7, 1.0 + 1e-5, 1.4]),
+            "brake_torque": [3.0, 9.0]}
+    options = {"settle": 5, "record": 5}
+    whole = parameter_map(pair, TE, axes, **options)
+    for value in axes["mesh_frequency_hz"]:
+        column = parameter_map(pair, TE, {**axes, "mesh_frequency_hz": [value]}, **options)
+        assert np.array_equal(whole["deepest_separation"].sel(mesh_frequency_hz=[value]),
+                              column["deepest_separation"])
+
+
+def test_what_is_finished_is_kept_and_gone_on_with(tmp_path):
+    """Ctrl-C at several places; in the end the numbers of a map that nobody stopped."""
+    expected = numbers_of(mapped(shard_runs=3))
+    for place in (0.2, 0.6):
+        def stop(fraction, place=place):
+            if fraction > place:
+                raise KeyboardInterrupt
+        part = mapped(shard_runs=3, folder=tmp_path, progress=stop, keep_interrupted=True)
+        open_ = part["status"].values == Status.UNFINISHED
+        assert part.attrs["interrupted"] == 1 and 0 < open_.sum() < open_.size
+        assert np.isnan(part["deepest_separation"].values[open_]).all()
+        lying = {index: shard_path(tmp_path, index).read_bytes() for index in shards_in(tmp_path)}
+        assert lying and len(lying) < 11
+    done = mapped(shard_runs=3, folder=tmp_path, notes=pytest.fail)
+    assert numbers_of(done) == expected and done.attrs["interrupted"] == 0
+    assert all(shard_path(tmp_path, index).read_bytes() == was for index, was in lying.items())
+    with pytest.raises(KeyboardInterrupt):
+        mapped(progress=stop)
+    discard_shards(tmp_path)
+    assert not tmp_path.exists()
+
+
+def _cut(path):
+    path.write_bytes(path.read_bytes()[:-100])
+
+
+def _empty(path):
+    path.write_bytes(b"")
+
+
+def _other_place(path):
+    path.write_bytes(shard_path(path.parent, 2).read_bytes())
+
+
+def _no_file(path):
+    path.unlink()
+    path.mkdir()
+    path.rmdir()
+
+
+@pytest.mark.parametrize(("harm", "said"), [
+    (_cut, "shard 1 "), (_empty, "shard 1 cannot be read"),
+    (_other_place, "shard 1 is of another"), (_no_file, "")])
+def test_what_is_no_good_is_made_again_and_said(harm, said, tmp_path):
+    expected = dataset_bytes(mapped(shard_runs=9, folder=tmp_path))
+    harm(shard_path(tmp_path, 1))
+    notes = []
+    assert dataset_bytes(mapped(shard_runs=9, folder=tmp_path, notes=notes.append)) == expected
+    assert len(notes) == bool(said) and all(note.startswith(said) for note in notes)
+    assert all(note.endswith(": made again") for note in notes)
+
+
+@pytest.mark.parametrize("places", [40, pytest.param(4000, marks=pytest.mark.full)])
+def test_a_flipped_bit_is_noticed_or_changes_no_number(places, tmp_path):
+    mapped(shard_runs=9, folder=tmp_path)
+    path = shard_path(tmp_path, 1)
+    whole, random = path.read_bytes(), np.random.default_rng(places)
+    import netCDF4
+
+    with netCDF4.Dataset(path) as file:
+        told = {name: file.getncattr(name) for name in ("inputs", "first", "stop")}
+    good, _ = read_shard(tmp_path, 1, told)
+    noticed = 0
+    for at in random.integers(0, 8 * len(whole), places):
+        content = bytearray(whole)
+        content[at // 8] ^= 1 << at % 8
+        path.write_bytes(content)
+        found, why = read_shard(tmp_path, 1, told)
+        noticed += found is None
+        assert (found is None) == bool(why)
+        assert found is None or all(np.array_equal(found.data[name], values, equal_nan=True)
+                                    for name, values in good.data.items())
+    assert noticed > 0.1 * places
+
+
+@pytest.mark.parametrize("change", [
+    {"settle": SETTLE + 1}, {"contact_law": "compliant"}, {"numerics": Numerics(rtol=1e-7)},
+    {"shard_runs": 10}, {"phase": 0.25}])
+def test_shards_of_other_values_are_not_mixed(change, tmp_path):
+    mapped(shard_runs=9, folder=tmp_path)
+    notes = []
+    found = mapped(**{"shard_runs": 9, **change}, folder=tmp_path, notes=notes.append)
+    assert len(notes) == 4 and all("is of another study" in note for note in notes)
+    assert dataset_bytes(found) == dataset_bytes(mapped(**{"shard_runs": 9, **change}))
+
+
+def test_a_shard_of_another_build_is_not_taken(tmp_path, monkeypatch):
+    from lapwing.results import shards
+
+    mapped(shard_runs=9, folder=tmp_path)
+    monkeypatch.setattr(shards, "engine_digest", lambda: "0" * 64)
+    notes = []
+    mapped(shard_runs=9, folder=tmp_path, notes=notes.append)
+    assert len(notes) == 4 and all("another build of the engine" in note for note in notes)
+
+
+def test_two_starters_at_worst_repeat_work(tmp_path):
+    code = ("import sys; sys.path.insert(0, 'tests/studies/map'); sys.path.insert(0, 'tests')\n"
+            "from pathlib import Path\nfrom test_map import mapped, dataset_bytes\n"
+            f"found = mapped(shard_runs=2, folder=Path({str(tmp_path)!r}), threads=1)\n"
+            "import hashlib; print(hashlib.sha256(repr(dataset_bytes(found)).encode())"
+            ".hexdigest())\n")
+    pair = [subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True,
+                             cwd=lapwing_root()) for _ in range(2)]
+    said = {one.communicate()[0] for one in pair}
+    assert len(said) == 1 and len(said.pop()) == 65
+    assert {one.returncode for one in pair} == {0}
+    assert not list(tmp_path.glob(".*"))
+
+
+def lapwing_root():
+    from helpers import ROOT
+
+    return ROOT
+
+
+def kills(count, folder):
+    """Kill a process that makes a map, at random instants, until so many have died."""
+    code = ("import sys; sys.path.insert(0, 'tests/studies/map'); sys.path.insert(0, 'tests')\n"
+            "from pathlib import Path\nfrom test_map import mapped, LONG\n"
+            f"mapped(LONG, shard_runs=4, folder=Path({str(folder)!r}), settle=400, threads=2)\n")
+    random, deaths = np.random.default_rng(4), 0
+    while deaths < count:
+        child = subprocess.Popen([sys.executable, "-c", code], cwd=lapwing_root())
+        before, begun = len(shards_in(folder)), time.monotonic()
+        # It is killed some time after it has published a shard, or when it has not for long.
+        while child.poll() is None and len(shards_in(folder)) <= before \
+                and time.monotonic() - begun < 60:
+            time.sleep(0.01)
+        time.sleep(random.uniform(0, 0.05))
+        if child.poll() is not None:
+            assert child.returncode == 0
+            discard_shards(folder)
+            continue
+        child.kill()
+        child.wait()
+        deaths += 1
+
+
+LONG = {"pinion_speed_rpm": [1500.0, 1700.0, 1900.0, 2100.0],
+        "brake_torque": np.linspace(4, 9, 40)}
+
+
+@pytest.mark.parametrize("count", [3, pytest.param(100, marks=pytest.mark.full)])
+def test_a_kill_loses_no_more_than_what_was_under_way(count, tmp_path):
+    """Whatever lies there after SIGKILL is whole, and the map goes on to the same numbers."""
+    kills(count, tmp_path)
+    expected = mapped(LONG, shard_runs=4, settle=400)
+    found = mapped(LONG, shard_runs=4, folder=tmp_path, settle=400, notes=pytest.fail)
+    assert dataset_bytes(found) == dataset_bytes(expected)
+
+
+def test_any_executor_makes_the_same_shards(tmp_path):
+    expected = dataset_bytes(mapped(shard_runs=9))
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        found = mapped(shard_runs=9, folder=tmp_path, executor=pool)
+    assert dataset_bytes(found) == expected and shards_in(tmp_path) == [0, 1, 2, 3]
+    with pytest.raises(ValueError, match="executor wants a folder"):
+        mapped(executor=pool)
+
+
+def test_the_cut_follows_from_the_map_alone():
+    assert shard_size(1_000_000, 500, 1, None) == 15_625
+    assert shard_size(100_000_000, 500, 1, None) == 20_000
+    assert shard_size(100, 10**9, 1, None) == 1
+    assert shard_size(1_000_000, 500, 1000, None) == 16_000
+    assert shard_size(30, 500, 10, 7) == 10 and shard_size(30, 500, 1, 99) == 30
+
+
+def test_failed_runs_have_no_numbers_but_their_status():
+    found = mapped(numerics=Numerics(max_events_per_cycle=5))
+    bad = found["status"].values == Status.TOO_MANY_EVENTS
+    assert 0 < bad.sum() < bad.size
+    for name in ("deepest_separation", "fastest_arrival", "impacts_per_cycle"):
+        assert np.array_equal(np.isnan(found[name].values), bad)
+    assert not found["period"].values[bad].any()
+
+
+@pytest.mark.parametrize(("change", "said"), [
+    ({"axes": {"brake_torque": [1.0]}}, "two or more"),
+    ({"axes": {"brake_torque": [1.0], "colour": [1.0]}}, "axes = 'colour'"),
+    ({"axes": {"brake_torque": [np.nan], "backlash": [1e-3]}}, "brake_torque"),
+    ({"axes": {"brake_torque": [1.0], "backlash": [-1e-3, 1e-3]}}, "backlash"),
+    ({"start": "left"}, "start = 'left'"), ({"line": "backlash"}, "line = 'backlash'"),
+    ({"settle": -1}, "settle"), ({"record": 0}, "record"), ({"shard_runs": 0}, "shard_runs"),
+    ({"phase": 1.0}, "phase"), ({"numerics": 3}, "numerics")])
+def test_refusals(change, said):
+    with pytest.raises((ValueError, TypeError), match=said):
+        mapped(**change)
+
+
+def test_read_shard_tells_nothing_of_what_is_not_there(tmp_path):
+    assert read_shard(tmp_path, 0, {}) == (None, "")
+    assert shards_in(tmp_path / "nowhere") == []

@@ -1,0 +1,122 @@
+"""A map in a deck: killed, stopped, gone on with; the same numbers in the end, no shard left."""
+
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from lapwing.results import checksums, read_results
+from lapwing.results.shards import shards_in
+
+DECK = """
+&gear_pair
+  pinion_teeth = 25, gear_teeth = 32
+  pinion_inertia = 0.0078, gear_inertia = 0.026
+  pinion_base_lever = 0.034, mesh_stiffness = 3.12e8, backlash = 0.002
+  restitution = 0.8, damping_ratio = 0.1
+/
+&transmission_error harmonic_amplitude = 17e-6, 4.5e-6, 1.5e-6, harmonic_shift = 0, 1, 2 /
+&map
+  name = 'plane'
+  x_parameter = 'pinion_speed_rpm', x_from = 1500, x_to = 2100, x_count = 4
+  y_from = 4, y_to = 9, y_count = 30
+  settle_cycles = 600
+  shard_runs = 5
+/
+"""
+SHARDS = 24
+
+
+@pytest.fixture(scope="module")
+def deck(tmp_path_factory):
+    path = tmp_path_factory.mktemp("map") / "plane.nml"
+    path.write_text(DECK, encoding="utf-8")
+    return path
+
+
+def run(deck, out, *options):
+    return subprocess.Popen(
+        [sys.executable, "-m", "lapwing", "run", deck, "--out", out, "--figures", "none",
+         "--threads", "2", *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+@pytest.fixture(scope="module")
+def whole(deck, tmp_path_factory):
+    out = tmp_path_factory.mktemp("whole")
+    child = run(deck, out)
+    said, errors = child.communicate()
+    assert child.returncode == 0, errors
+    assert "contact was kept in" in said
+    assert [path.name for path in out.iterdir()] == ["plane"]
+    return checksums(out / "plane" / "result.nc")
+
+
+def when_it_has(shards, child, folder):
+    """Wait until a child has so many shards; it has not ended then."""
+    while len(shards_in(folder)) < shards:
+        assert child.poll() is None, child.communicate()
+        time.sleep(0.005)
+
+
+def numbers(found):
+    """Checksums of the map's variables: how its work was cut short is no part of them."""
+    return {name: one for name, one in found.items() if name.startswith("/map_plane/")}
+
+
+def test_after_a_kill_the_same_command_goes_on(deck, whole, tmp_path):
+    folder = tmp_path / "plane.shards" / "map_plane"
+    for shards in (2, 7):
+        child = run(deck, tmp_path)
+        when_it_has(shards, child, folder)
+        child.kill()
+        child.communicate()
+        assert child.returncode == -signal.SIGKILL and not (tmp_path / "plane").exists()
+    lying = {path: path.stat().st_ino for path in folder.glob("shard-*.nc")}
+    assert 7 <= len(lying) < SHARDS
+    child = run(deck, tmp_path)
+    # What lies there is read, not made again, as long as there is work left.
+    when_it_has(len(lying) + 1, child, folder)
+    assert all(path.stat().st_ino == inode for path, inode in lying.items() if path.exists())
+    said, errors = child.communicate()
+    assert child.returncode == 0, errors
+    assert "again" not in said + errors
+    assert numbers(checksums(tmp_path / "plane" / "result.nc")) == numbers(whole)
+    assert [path.name for path in tmp_path.iterdir()] == ["plane"]
+
+
+@pytest.mark.parametrize(("number", "code"), [
+    (signal.SIGTERM, 75), pytest.param(signal.SIGINT, 130, marks=pytest.mark.full)])
+def test_after_a_signal_too(deck, whole, tmp_path, number, code):
+    folder = tmp_path / "plane.shards" / "map_plane"
+    child = run(deck, tmp_path)
+    when_it_has(3, child, folder)
+    child.send_signal(number)
+    child.communicate()
+    assert child.returncode == code
+    with read_results(tmp_path / "plane" / "result.nc") as results:
+        assert results.interrupted and int(results.study("map", "plane").attrs["interrupted"])
+    said = (tmp_path / "plane" / "summary.md").read_text(encoding="utf-8")
+    assert "map `plane` lacks" in said and "not reached" in said
+    child = run(deck, tmp_path)
+    child.communicate()
+    assert child.returncode == 0
+    assert numbers(checksums(tmp_path / "plane" / "result.nc")) == numbers(whole)
+    assert [path.name for path in tmp_path.iterdir()] == ["plane"]
+
+
+def test_a_damaged_shard_is_made_again_and_said(deck, whole, tmp_path):
+    folder = tmp_path / "plane.shards" / "map_plane"
+    child = run(deck, tmp_path)
+    when_it_has(4, child, folder)
+    child.kill()
+    child.communicate()
+    path = sorted(folder.glob("shard-*.nc"))[0]
+    path.write_bytes(path.read_bytes()[:1000])
+    (folder / "notes of mine.txt").write_text("keep")
+    child = run(deck, tmp_path)
+    said, errors = child.communicate()
+    assert child.returncode == 0 and "shard 0 " in said + errors
+    assert numbers(checksums(tmp_path / "plane" / "result.nc")) == numbers(whole)
+    assert [path.name for path in folder.iterdir()] == ["notes of mine.txt"]
