@@ -39,7 +39,7 @@ module lapwing_flow
     real(wp) :: samples = 0              !! samples of the history evaluated
     real(wp) :: depth_searches = 0       !! pieces searched for the deepest point
     real(wp) :: graze_searches = 0       !! pieces searched for near-grazes
-    real(wp) :: stretches = 0            !! arcs followed in closed form
+    real(wp) :: arcs = 0                 !! arcs followed in closed form
   end type work_t
 
   !> What a step rule remembers of one motion state.
@@ -48,7 +48,7 @@ module lapwing_flow
     real(wp) :: ratio = 1                !! error ratio of the step before
   end type step_memory_t
 
-  !> Is told where an arc turns near a flank.
+  !> Hears where an arc turns near a flank.
   type, abstract :: listener_t
   contains
     procedure(hear_i), deferred :: hear
@@ -127,7 +127,7 @@ module lapwing_flow
       type(work_t), intent(inout) :: work           !! counts
     end subroutine farthest_i
 
-    !> Tell where an arc comes near a flank, or near release, and turns back.
+    !> Report where an arc comes near a flank, or near release, and turns back.
     subroutine near_turns_i(self, system, arc, within, listener, work)
       import :: flow_t, system_t, arc_t, listener_t, work_t, wp
       implicit none
@@ -135,7 +135,7 @@ module lapwing_flow
       class(system_t), intent(in) :: system         !! what moves
       type(arc_t), intent(in) :: arc                !! an arc it moved along
       real(wp), intent(in) :: within                !! what is near, rad
-      class(listener_t), intent(inout) :: listener  !! who is told
+      class(listener_t), intent(inout) :: listener  !! who hears of it
       type(work_t), intent(inout) :: work           !! counts
     end subroutine near_turns_i
   end interface

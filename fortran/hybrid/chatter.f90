@@ -10,7 +10,7 @@ module lapwing_hybrid_chatter
   !> Bounces are followed one by one, and listed, while the rest of the chatter lasts longer than
   !> this part of the mesh period.
   real(wp), parameter :: listed_down_to = 1.0e-7_wp
-  !> Units in the last place of time below which a flight cannot be told from no flight.
+  !> Units in the last place of time below which a flight is no flight.
   real(wp), parameter :: resolution_ulps = 4
 
 contains

@@ -81,7 +81,7 @@ contains
       if (system%law%is_rigid()) then
         call forget(self, 0)
       else
-        ! Once a contact: the steps of one are alike to the bit, and so would be their rounding.
+        ! Once a contact: the steps of one are the same to the bit, and so would be their rounding.
         self%pending = self%pending + segment%length
         associate (divergence => deviations%divergence(segment%begin%motion_state))
           if (segment%n_events == 0 .and. .not. segment%cycle_completed &
@@ -152,7 +152,7 @@ contains
     do i = 1, segment%n_events
       select case (kind_at_drive(segment%events(i)))
       case (event_impact)
-        call strike(self, system, deviations, segment%events(i), after)
+        call jump_at_impact(self, system, deviations, segment%events(i), after)
         last = i
       case (event_engage)
         if (system%law%is_rigid()) call forget(self, 0)
@@ -184,7 +184,7 @@ contains
   end subroutine touch
 
   !> An impact. One that the flank, drawing away faster and faster, almost missed is a graze.
-  subroutine strike(self, system, deviations, event, instant)
+  subroutine jump_at_impact(self, system, deviations, event, instant)
     type(tangent_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
     type(deviations_t), intent(in) :: deviations !! how a deviation moves
@@ -197,7 +197,7 @@ contains
     if (pressing(0) < 0) then
       self%graze_depth = min(self%graze_depth, -0.5_wp*event%before**2/pressing(0))
     end if
-    ! A tooth that arrives with no speed at all has no linear map; the graze tells.
+    ! A tooth that arrives with no speed at all has no linear map; the graze is counted.
     if (event%before == 0) return
     if (system%law%sums_chatter(system%moves(flank_of(event)))) push = pressing(0)
     s = impact_matrix(abs(event%before), event%after*sign(1.0_wp, event%before), &
@@ -215,7 +215,7 @@ contains
     end do
     call change_tooth(s, deviations%n, self%m)
     call keep_in_range(self, deviations%n)
-  end subroutine strike
+  end subroutine jump_at_impact
 
   !> Saltation matrix of an impact: in x and x', positive into the flank struck.
   pure function impact_matrix(before, after, restitution, push) result(s)

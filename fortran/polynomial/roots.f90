@@ -7,17 +7,20 @@ module lapwing_polynomial_roots
       bernstein, scale_to_unit, never_below, least
   implicit none
   private
-  public :: first_zero, first_descent, critical_points, lift_off, first_nonzero
+  public :: first_zero, first_descent, critical_points, lift_off, first_nonzero, newton
+  public :: raise_to_largest
 
   !> Halvings before two roots closer than 2**-48 of the interval are treated as one.
   integer, parameter :: max_depth = 48
   !> Newton steps of the bracketed solver; bisection alone would need fewer than this.
   integer, parameter :: max_iterations = 80
+  !> Newton steps from a guess; from four digits two are needed, from half of one five.
+  integer, parameter :: max_newton = 12
 
 contains
 
   !> Make a polynomial that leaves zero at the origin positive there: divide by x as often as the
-  !> leading coefficient is not positive. `times` tells how often.
+  !> leading coefficient is not positive. `times`: how often.
   pure subroutine lift_off(c, times)
     real(wp), intent(inout) :: c(0:max_degree)  !! coefficients
     integer, intent(out) :: times               !! divisions made; max_degree + 1: nothing left
@@ -183,6 +186,42 @@ contains
       if (abs(step) <= max(2*epsilon(x)*abs(x), allowed) .or. value == 0) return
     end do
   end function bracketed_root
+
+  !> Newton's way from a guess to a zero that is near, of a polynomial that falls: `found` is
+  !> whether it fell all the way.
+  pure subroutine newton(c, lower, upper, absolute, relative, x, slope, found)
+    real(wp), intent(in) :: c(0:)                !! coefficients
+    real(wp), intent(in) :: lower, upper         !! x is kept between them
+    real(wp), intent(in) :: absolute, relative   !! a step below absolute + relative*|x| ends it
+    real(wp), intent(inout) :: x                 !! guess, then the zero
+    real(wp), intent(out) :: slope               !! before the last step
+    logical, intent(out) :: found
+    real(wp) :: step
+    integer :: i
+    found = .false.
+    do i = 1, max_newton
+      slope = horner_slope(c, x)
+      if (slope >= 0) return
+      step = -horner(c, x)/slope
+      x = min(max(x + step, lower), upper)
+      if (abs(step) <= absolute + relative*abs(x)) exit
+    end do
+    found = .true.
+  end subroutine newton
+
+  !> Raise `most` to the largest value on [0, length]: at its ends or at a turn.
+  pure subroutine raise_to_largest(c, length, most)
+    real(wp), intent(in) :: c(0:max_degree)      !! coefficients
+    real(wp), intent(in) :: length               !! interval
+    real(wp), intent(inout) :: most              !! largest value
+    real(wp) :: at(max_degree)
+    integer :: i, n
+    most = max(most, c(0), horner(c, length))
+    call critical_points(c, length, n, at)
+    do i = 1, n
+      most = max(most, horner(c, at(i)))
+    end do
+  end subroutine raise_to_largest
 
   !> All x in (0, length) where the derivative changes sign, in increasing order.
   pure subroutine critical_points(c, length, n, x)

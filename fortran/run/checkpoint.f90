@@ -93,9 +93,9 @@ contains
     sums%flight(1:n) = blob(fixed_size + 1:fixed_size + n)
   end subroutine unpack_blob
 
-  !> Whether two runs at the beginning of a cycle go on alike, bit for bit, but for the numbers of
-  !> cycles, records and work. The state that the cycle before began with decides nothing any more,
-  !> nor does what is the largest so far.
+  !> Whether two runs at the beginning of a cycle go on the same way, bit for bit, but for the
+  !> numbers of cycles, records and work. The state that the cycle before began with decides nothing
+  !> any more, nor does what is the largest so far.
   pure logical function go_on_alike(one, other)
     real(wp), intent(in) :: one(blob_size), other(blob_size)   !! blobs
     logical :: counts(blob_size)
@@ -115,7 +115,7 @@ contains
     real(wp) :: array(work_size)
     array = [work%steps, work%rejected, work%polish_steps, work%drive_searches, &
         work%coast_searches, work%samples, work%depth_searches, work%graze_searches, &
-        work%stretches]
+        work%arcs]
   end function pack_work
 
   pure function unpack_work(array) result(work)

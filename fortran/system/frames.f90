@@ -12,7 +12,8 @@ module lapwing_system_frames
   public :: flank_in_frame, flank_over_step
 
   !> Over so many pieces a frame is moved one by one, which keeps the relative precision of a small
-  !> bounce across a knot. One that takes longer is larger than the rounding of the table.
+  !> bounce across a knot. One that takes longer is larger than the rounding of the table. One knot
+  !> is what it takes; with 2 and 8 random scenes have the same events.
   integer, parameter :: few_pieces = 4
 
 contains

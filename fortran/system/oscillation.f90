@@ -201,7 +201,7 @@ contains
   end function near_matrix
 
   !> (x, x') without damping, turned through the angle whose cosine and sine are given, and rounded
-  !> once. Cycles that are all alike turn it through one angle again and again: the rounding of
+  !> once. Cycles that are all the same turn it through one angle again and again: the rounding of
   !> cosine, sine and products would change its size by the same part each time.
   pure function turn_undamped(c, s, x) result(turned)
     real(wp), intent(in) :: c, s     !! cosine and sine, rounded

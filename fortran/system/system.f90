@@ -169,7 +169,7 @@ module lapwing_system
       real(wp), intent(inout) :: y(max_states)     !! state variables in the flank's chart
     end subroutine place_at_flank_i
 
-    !> Move an instant that has reached a knot past it; tells the velocity jump of a kink.
+    !> Move an instant that has reached a knot past it, and its velocity jump if it is a kink.
     pure subroutine pass_knot_i(self, knot, instant, is_kink, jump)
       import :: system_t, instant_t, wp
       implicit none

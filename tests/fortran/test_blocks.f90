@@ -134,12 +134,12 @@ contains
     end do
   end subroutine check_bounds
 
-  !> Begin a stretch anywhere in the period; until the next kink or the period's end.
+  !> Begin an arc anywhere in the period; until the next kink or the period's end.
   subroutine begin(scene, contact, x, v, curve, stop)
     type(scene_t), intent(in) :: scene       !! scene
     logical, intent(in) :: contact           !! which of the two
     real(wp), intent(in) :: x, v             !! position and velocity
-    type(curve_t), intent(out) :: curve      !! stretch
+    type(curve_t), intent(out) :: curve      !! arc
     real(wp), intent(out) :: stop            !! latest end
     real(wp) :: t
     integer :: piece
@@ -211,7 +211,7 @@ contains
         farthest(plain, curve, -1.0_wp, at%s, 0.1_wp), 1.0e-11_wp, "deepest point of a contact")
   end subroutine compare_contacts
 
-  !> Two ways to the same end. Rounding: some hundred pieces walked, meetings at a slant.
+  !> Two ways to the same end. Rounding: some hundred pieces walked, crossings at a slant.
   subroutine compare(at, other, what)
     type(end_t), intent(in) :: at, other     !! ends
     character(*), intent(in) :: what         !! what ends

@@ -35,8 +35,8 @@ program test_exact_automaton
   call test_same_bits(law_compliant, law_relative)
   call test_same_bits(law_rigid, law_relative)
   call test_meeting_at_the_stop()
-  print "(a, i0, a, i0)", "measured: plain stretches ", plain, ", others ", special
-  call tally%below(100000.0_wp, real(plain, wp), "plain stretches")
+  print "(a, i0, a, i0)", "measured: plain arcs ", plain, ", others ", special
+  call tally%below(100000.0_wp, real(plain, wp), "plain arcs")
   call tally%is_true(all(seen(1:9) > 20), "every kind of event at either flank")
   call tally%finish()
 
@@ -112,7 +112,7 @@ contains
         call tally%equal(status, other_status, "status")
         call tally%is_true(same_state(state, other), "state, bit for bit")
         call tally%is_true(same_segment(segment, other_segment), "what happened, bit for bit")
-        call tally%is_true(work%stretches == other_work%stretches, "count of stretches")
+        call tally%is_true(work%arcs == other_work%arcs, "count of arcs")
         if (segment%moves) call tally%is_true(same_motion(system, flow, segment, other_segment), &
             "motion on the way, bit for bit")
         if (status /= status_ok) exit
@@ -123,7 +123,7 @@ contains
   end subroutine test_same_bits
 
   !> A flight that arrives within some units in the last place of a cycle's end, or of a kink: which
-  !> of the two comes first is decided alike.
+  !> of the two comes first is decided in the same way.
   subroutine test_meeting_at_the_stop()
     type(oscillator_t) :: system
     type(exact_flow_t) :: flow
@@ -132,10 +132,10 @@ contains
     type(numerics_t) :: numerics
     type(work_t) :: work
     type(parameters_t) :: p
-    integer :: i, law, status, stops, meetings
+    integer :: i, law, status, stops, crossings
     integer :: error
     stops = 0
-    meetings = 0
+    crossings = 0
     p%force = 0
     p%backlash = 100
     p%mesh_frequency_ratio = 8*atan(1.0_wp)/8
@@ -155,10 +155,10 @@ contains
         call tally%is_true(same_state(state, other), "state at a stop, bit for bit")
         call tally%is_true(same_segment(segment, other_segment), "what happened at a stop")
         stops = stops + merge(1, 0, segment%events(1)%kind == event_kink)
-        meetings = meetings + merge(0, 1, segment%events(1)%kind == event_kink)
+        crossings = crossings + merge(0, 1, segment%events(1)%kind == event_kink)
       end do
     end do
-    call tally%below(9.0_wp, real(min(stops, meetings), wp), "both orders seen")
+    call tally%below(9.0_wp, real(min(stops, crossings), wp), "both orders seen")
   end subroutine test_meeting_at_the_stop
 
   !> Rest, or a flight, or a contact.
@@ -211,7 +211,7 @@ contains
     end do
   end function same_segment
 
-  !> What observers will be told of the stretch.
+  !> What observers will learn of the arc.
   logical function same_motion(system, flow, one, other) result(same)
     type(oscillator_t), intent(in) :: system         !! oscillator
     type(exact_flow_t), intent(in) :: flow           !! how it moves

@@ -1,4 +1,4 @@
-!> The first meeting of a smooth stretch with a position: against dense samples, at grazing from
+!> The first crossing of a position by a smooth arc: against dense samples, at grazing from
 !> both sides, at double roots, from a touching start; turns; short returns.
 program test_first_crossing
   use assertions, only: tally_t
@@ -32,13 +32,13 @@ program test_first_crossing
 
 contains
 
-  !> A stretch, and the part of it in one panel: the first one or a later one.
+  !> An arc, and the part of it in one panel: the first one or a later one.
   subroutine random_part(number, scene, curve, panel, from, to)
     integer, intent(in) :: number            !! decides what it is
     type(scene_t), intent(out) :: scene      !! scene
-    type(curve_t), intent(out) :: curve      !! stretch
+    type(curve_t), intent(out) :: curve      !! arc
     integer, intent(out) :: panel            !! panel
-    real(wp), intent(out) :: from, to        !! the part, times since the stretch began
+    real(wp), intent(out) :: from, to        !! the part, times since the arc began
     real(wp) :: t
     call random_scene(mod(number, 2) == 0, 0.0_wp, scene)
     t = uniform(0.0_wp, scene%form%period)
@@ -57,7 +57,7 @@ contains
   !> Rounding of a position.
   real(wp) function rounding(scene, curve)
     type(scene_t), intent(in) :: scene       !! scene
-    type(curve_t), intent(in) :: curve       !! stretch
+    type(curve_t), intent(in) :: curve       !! arc
     real(wp) :: bend
     bend = 1 + largest_term(scene, 2)
     rounding = eps*(40*(abs(curve%x) + abs(curve%v) + 5)*6 &
@@ -65,9 +65,9 @@ contains
   end function rounding
 
   !> `first_crossing` from a panel's or from the arc's beginning, which says where it is as well.
-  subroutine meet(scene, curve, panel, goal, from, to, found, s)
+  subroutine cross(scene, curve, panel, goal, from, to, found, s)
     type(scene_t), intent(in) :: scene       !! scene
-    type(curve_t), intent(in) :: curve       !! stretch
+    type(curve_t), intent(in) :: curve       !! arc
     integer, intent(in) :: panel             !! panel
     type(target_t), intent(in) :: goal       !! what is looked for
     real(wp), intent(in) :: from, to         !! where
@@ -79,7 +79,7 @@ contains
     call curve_at(scene, curve, panel, s, at(1), at(2))
     call tally%near(x, at(1), rounding(scene, curve), "position said")
     call tally%near(v, at(2), 8*rounding(scene, curve), "velocity said")
-  end subroutine meet
+  end subroutine cross
 
   !> More than the third derivative of any motion here, whose x and v are below 10.
   real(wp) function jerk_bound(scene)
@@ -91,7 +91,7 @@ contains
   !> Smallest distance on an even grid of (from, until).
   real(wp) function least_sample(scene, curve, panel, goal, from, until) result(least)
     type(scene_t), intent(in) :: scene       !! scene
-    type(curve_t), intent(in) :: curve       !! stretch
+    type(curve_t), intent(in) :: curve       !! arc
     integer, intent(in) :: panel             !! panel
     type(target_t), intent(in) :: goal       !! what is looked for
     real(wp), intent(in) :: from, until      !! interval
@@ -119,7 +119,7 @@ contains
       goal%sign = merge(1.0_wp, -1.0_wp, mod(i, 3) == 0)
       goal%wall = x - goal%sign*10.0_wp**uniform(-9.0_wp, 0.0_wp)
       goal%touching = .false.
-      call meet(scene, curve, panel, goal, from, to, found, s)
+      call cross(scene, curve, panel, goal, from, to, found, s)
       allowed = rounding(scene, curve)
       if (found) then
         hits = hits + 1
@@ -129,7 +129,7 @@ contains
         to = s
       end if
       call tally%below(-least_sample(scene, curve, panel, goal, from, to), allowed, &
-          "distance before the meeting")
+          "distance before the crossing")
     end do
     call tally%below(0.2_wp*n_curves, real(hits, wp), "walls met")
     call tally%below(0.2_wp*n_curves, real(n_curves - hits, wp), "walls not met")
@@ -162,13 +162,13 @@ contains
       goal%sign = sign(1.0_wp, a)
       goal%touching = .false.
       do k = 1, 6
-        ! Never within what rounds away: which side of it the motion passes cannot be told.
+        ! Never within what rounds away: on which side of it the motion passes is not known.
         if (deltas(k) < 2*allowed) exit
         goal%wall = x - goal%sign*deltas(k)
-        call meet(scene, curve, panel, goal, from, to, found, s)
+        call cross(scene, curve, panel, goal, from, to, found, s)
         call tally%is_true(.not. found, "passed at a distance")
         goal%wall = x + goal%sign*deltas(k)
-        call meet(scene, curve, panel, goal, from, to, found, s)
+        call cross(scene, curve, panel, goal, from, to, found, s)
         call tally%is_true(found, "grazed")
         if (.not. found) cycle
         lead = sqrt(2*deltas(k)/abs(a))
@@ -179,14 +179,14 @@ contains
       end do
       ! A double root: met there or not, but nowhere else.
       goal%wall = x
-      call meet(scene, curve, panel, goal, from, to, found, s)
+      call cross(scene, curve, panel, goal, from, to, found, s)
       if (found) call tally%near(s, turn, 4*sqrt(2*allowed/abs(a)), "double root")
     end do
     call tally%below(200.0_wp, real(grazes, wp), "grazes")
     print "(a, i0)", "measured: grazes tried ", grazes
   end subroutine test_grazing
 
-  !> A stretch that leaves a wall is not back at once; it returns when it returns, however soon.
+  !> An arc that leaves a wall is not back at once; it returns when it returns, however soon.
   subroutine test_touching_start()
     type(scene_t) :: scene
     type(curve_t) :: curve
@@ -208,7 +208,7 @@ contains
           goal%sign*speed, curve)
       call expand_fully(scene, curve)
       a = -goal%sign*acceleration_at(scene, curve, panel, 0.0_wp, 0.0_wp, goal%sign*speed)
-      call meet(scene, curve, panel, goal, 0.0_wp, to, found, s)
+      call cross(scene, curve, panel, goal, 0.0_wp, to, found, s)
       if (found) then
         returns = returns + 1
         call tally%is_true(s > 0, "not met where it is left")

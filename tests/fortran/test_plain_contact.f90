@@ -1,6 +1,6 @@
 !> What is left out is left out without effect: what the automaton saves at the beginning of a step
-!> changes no bit, and neither a bound on a contact nor a leap of a flight hides a crossing that a
-!> search of every piece finds.
+!> changes no bit, and neither a bound on a contact nor skipping ahead in a flight hides a crossing
+!> that a search of every piece finds.
 program test_plain_contact
   use assertions, only: tally_t
   use exact_reference, only: seed, uniform, chance, pick, random_table
@@ -24,17 +24,17 @@ program test_plain_contact
 
   integer, parameter :: n_scenes = 150, n_steps = 300
   type(tally_t) :: tally
-  integer :: plain, leaps, crossings
+  integer :: plain, skips, crossings
 
   call seed(20261122)
   plain = 0
-  leaps = 0
+  skips = 0
   crossings = 0
   call test_no_sooner()
   call test_flank_over_step()
   call test_same_bits(law_compliant)
   call test_same_bits(law_restitution)
-  print "(3(a, i0))", "measured: plain steps ", plain, ", flights ", leaps, ", crossings ", &
+  print "(3(a, i0))", "measured: plain steps ", plain, ", flights ", skips, ", crossings ", &
       crossings
   call tally%below(10000.0_wp, real(plain, wp), "plain steps")
   call tally%below(1000.0_wp, real(crossings, wp), "crossings")
@@ -63,7 +63,7 @@ contains
     call tally%near(no_sooner(0.0_wp, 0.0_wp, 1.0_wp), 0.0_wp, 0.0_wp, "resting on the flank")
   end subroutine test_no_sooner
 
-  !> On one piece or over several: what is told at one time, to the same bit at the end.
+  !> On one piece or over several: what is found at one time, to the same bit at the end.
   subroutine test_flank_over_step()
     type(oscillator_t) :: system
     type(instant_t) :: instant
@@ -166,7 +166,7 @@ contains
       call find_crossing(system, segment%frame, begin%motion_state, begin%touching, &
           segment%motion, work, found)
     end associate
-    leaps = leaps + 1
+    skips = skips + 1
     call tally%is_true(found%found .eqv. searched%found, "found or not")
     call tally%equal(found%frame%piece, searched%frame%piece, "piece")
     if (.not. (found%found .and. searched%found)) return

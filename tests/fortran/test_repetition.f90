@@ -24,7 +24,7 @@ program test_repetition
 contains
 
   !> Run cycles of a motion with the given round until the state has been moved, or 100 of them.
-  !> Each logs two lines and one line of statistics that tell its place in the round.
+  !> Each logs two lines and one line of statistics that show its place in the round.
   subroutine go_round(length, target_cycle, recorder, state, work, drift)
     integer, intent(in) :: length                    !! cycles of a round
     integer, intent(in) :: target_cycle              !! where the run ends
@@ -46,7 +46,7 @@ contains
         recorder%cycles(:, recorder%sums%n_cycles) = real(place, wp)
         recorder%cycles(1, recorder%sums%n_cycles) = i - 1
       end if
-      work%stretches = work%stretches + 3
+      work%arcs = work%arcs + 3
       state%instant%y(1:2) = [real(place, wp), -1.0_wp]
       state%instant%cycle = i
       recorder%sums%flight_depth_before = drift*i
@@ -83,7 +83,7 @@ contains
           "as far as whole rounds lead")
       call tally%is_true(recorder%sums%n_cycles == state%instant%cycle &
           .and. recorder%sums%n_log == 2*state%instant%cycle, "every cycle has its records")
-      call tally%near(work%stretches, 3.0_wp*state%instant%cycle, 0.0_wp, "and its work")
+      call tally%near(work%arcs, 3.0_wp*state%instant%cycle, 0.0_wp, "and its work")
       right = .true.
       do i = 1, state%instant%cycle
         right = right .and. cycles(1, i) == i - 1 .and. all(cycles(2:, i) == mod(i, length)) &
@@ -108,7 +108,7 @@ contains
     call tally%is_true(cycles(1, 20) == 19 .and. all(cycles(:, 21:) < 0), "so do the statistics")
   end subroutine test_short_records
 
-  !> Where a full log stops the run, room for one more stretch stays free.
+  !> Where a full log stops the run, room for one more arc stays free.
   subroutine test_log_that_waits()
     type(recorder_t) :: recorder
     type(hybrid_state_t) :: state

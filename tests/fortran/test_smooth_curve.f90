@@ -1,4 +1,4 @@
-!> One stretch in closed form against the differential equation in quadruple precision: near its
+!> One arc in closed form against the differential equation in quadruple precision: near its
 !> beginning and far from it, and the bound of what its Taylor polynomials leave out.
 program test_smooth_curve
   use assertions, only: tally_t
@@ -24,7 +24,7 @@ program test_smooth_curve
 
 contains
 
-  !> A random stretch of a random scene.
+  !> A random arc of a random scene.
   subroutine random_curve(number, scene, curve)
     integer, intent(in) :: number            !! decides what it is
     type(scene_t), intent(out) :: scene      !! scene
@@ -52,11 +52,11 @@ contains
     end if
   end subroutine random_curve
 
-  !> Position and velocity by the equation, from a piece's beginning to time s of the stretch, both
+  !> Position and velocity by the equation, from a piece's beginning to time s of the arc, both
   !> before any kink.
   subroutine follow(scene, curve, s, x, v)
     type(scene_t), intent(in) :: scene       !! scene
-    type(curve_t), intent(in) :: curve       !! stretch
+    type(curve_t), intent(in) :: curve       !! arc
     real(wp), intent(in) :: s                !! time since its beginning
     real(qp), intent(out) :: x, v            !! position and velocity
     real(qp) :: t, ends
@@ -76,17 +76,17 @@ contains
     call quad_flow(scene, curve%contact, piece, t, ends - t, x, v)
   end subroutine follow
 
-  !> Time from a stretch's beginning to the next kink or the end of the cycle.
+  !> Time from an arc's beginning to the next kink or the end of the cycle.
   real(wp) function longest(scene, curve)
     type(scene_t), intent(in) :: scene       !! scene
-    type(curve_t), intent(in) :: curve       !! stretch
+    type(curve_t), intent(in) :: curve       !! arc
     longest = scene%flank%knot(scene%flank%next_kink(curve%piece)) - curve%t
   end function longest
 
   !> Rounding of a sum of response, free oscillation and force, or of a parabola and g.
   real(wp) function rounding(scene, curve, s)
     type(scene_t), intent(in) :: scene       !! scene
-    type(curve_t), intent(in) :: curve       !! stretch
+    type(curve_t), intent(in) :: curve       !! arc
     real(wp), intent(in) :: s                !! time
     real(wp) :: bend
     bend = 1 + largest_term(scene, 2)

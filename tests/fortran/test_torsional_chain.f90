@@ -118,7 +118,7 @@ contains
     done = .false.
   end subroutine stages
 
-  !> Looked at piece by piece: the formula does not tell where the flank is at the end.
+  !> Looked at piece by piece: the formula does not say where the flank is at the end.
   pure subroutine stay(self, frame, begin, motion, z_end, y, stays)
     class(accounts_t), intent(in) :: self
     type(frame_t), intent(in) :: frame

@@ -230,7 +230,7 @@ contains
       call tally%near(state%instant%y(3), y(3) + length*y(4), 2*length**2 + 4*epsilon(length), &
           "the other mass moves on while the chatter is summed")
       call tally%is_true(abs(length*y(4)) > 100*(2*length**2 + epsilon(length)), &
-          "which can be told from standing still")
+          "which is more than standing still")
     end associate
   end subroutine test_chatter_end
 end program test_two_masses

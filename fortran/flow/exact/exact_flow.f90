@@ -132,7 +132,7 @@ contains
     type(curve_t) :: curve
     type(end_t) :: at
     status = status_ok
-    work%stretches = work%stretches + 1
+    work%arcs = work%arcs + 1
     if (.not. opened) call open_no_flanks(self, arc%begin, arc%frame)
     associate (begin => arc%begin)
       call curve_of_arc(self, begin, arc%frame%piece, curve)
@@ -289,13 +289,13 @@ contains
     call expand_fully(self%scene(view(self, flank)), curve)
   end subroutine curve_from
 
-  !> Tell where an arc comes near a flank, or near release, and turns back.
+  !> Report where an arc comes near a flank, or near release, and turns back.
   subroutine near_turns(self, system, arc, within, listener, work)
     class(exact_flow_t), intent(in) :: self
     class(system_t), intent(in) :: system         !! what moves
     type(arc_t), intent(in) :: arc                !! an arc it moved along
     real(wp), intent(in) :: within                !! what is near, rad
-    class(listener_t), intent(inout) :: listener  !! who is told
+    class(listener_t), intent(inout) :: listener  !! who hears of it
     type(work_t), intent(inout) :: work           !! counts
     type(curve_t) :: curve
     integer :: flank
@@ -317,7 +317,7 @@ contains
     type(curve_t), intent(in) :: curve            !! the arc, seen from the flank
     integer, intent(in) :: flank                  !! flank
     real(wp), intent(in) :: within                !! what is near, rad
-    class(listener_t), intent(inout) :: listener  !! who is told
+    class(listener_t), intent(inout) :: listener  !! who hears of it
     type(instant_t) :: instant
     type(frame_t) :: frame
     real(wp) :: from, s, distance, v, bend, inward

@@ -9,12 +9,11 @@ module lapwing_flow_exact_extrema
   use lapwing_system_oscillation, only: n_taylor
   use lapwing_flow_exact_slow_contact, only: slow_turn, slow_farthest
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, bernstein_on, largest
-  use lapwing_polynomial_roots, only: critical_points
+  use lapwing_polynomial_roots, only: newton, raise_to_largest
   implicit none
   private
   public :: next_turn, farthest
 
-  integer, parameter :: max_newton = 8
   !> A turn found to this part of an interval is exact to rounding in the value there.
   real(wp), parameter :: close_enough = 1.0e-9_wp
 
@@ -53,7 +52,7 @@ contains
     real(wp), intent(in) :: sign               !! +1: the largest x, -1: the smallest
     real(wp), intent(in) :: until              !! end of the arc
     real(wp), intent(in) :: least              !! value known already
-    logical :: told
+    logical :: found
     if (.not. curve%contact) then
       if (.not. is_smooth(scene%flank)) then
         farthest = farthest_over_pieces(scene, curve, sign, until, least)
@@ -61,8 +60,8 @@ contains
       end if
       if (until <= curve%near) then
         farthest = max(least, sign*curve%x)
-        call raise(sign*curve%taylor(0:curve%degree), 0.0_wp, until, farthest, told)
-        if (told) return
+        call raise(sign*curve%taylor(0:curve%degree), 0.0_wp, until, farthest, found)
+        if (found) return
       end if
     end if
     if (curve%contact .and. scene%form%graded) then
@@ -74,13 +73,14 @@ contains
 
   !> Raise `most` to the largest value of a polynomial on an interval, if its second derivative
   !> keeps its sign there: then it turns once or not at all.
-  pure subroutine raise(c, from, to, most, told)
+  pure subroutine raise(c, from, to, most, one_turn)
     real(wp), intent(in) :: c(0:)              !! coefficients
     real(wp), intent(in) :: from, to           !! interval
     real(wp), intent(inout) :: most            !! largest value
-    logical, intent(out) :: told               !! whether it does
-    real(wp) :: tail, power, s, step, reach, slope(0:ubound(c, 1) - 1)
-    integer :: k, i
+    logical, intent(out) :: one_turn           !! whether it does
+    real(wp) :: tail, power, s, bend, reach, slope(0:ubound(c, 1) - 1)
+    integer :: k
+    logical :: found
     reach = max(abs(from), abs(to))
     tail = 0
     power = reach
@@ -88,18 +88,14 @@ contains
       tail = tail + (k*(k - 1))*abs(c(k))*power
       power = power*reach
     end do
-    told = tail < abs(c(2))
-    if (.not. told) return
+    one_turn = tail < abs(c(2))
+    if (.not. one_turn) return
     most = max(most, horner(c, from), horner(c, to))
     if (c(2) >= 0 .or. horner_slope(c, from) <= 0 .or. horner_slope(c, to) >= 0) return
     slope = [(k*c(k), k = 1, ubound(c, 1))]
     s = min(max(-c(1)/(2*c(2)), from), to)
     ! What is left of the turn counts only squared.
-    do i = 1, max_newton
-      step = -horner(slope, s)/horner_slope(slope, s)
-      s = min(max(s + step, from), to)
-      if (abs(step) <= close_enough*(to - from)) exit
-    end do
+    call newton(slope, from, to, close_enough*(to - from), 0.0_wp, s, bend, found)
     most = max(most, horner(c, s))
   end subroutine raise
 
@@ -134,17 +130,11 @@ contains
     real(wp), intent(in) :: c(0:max_degree)    !! coefficients
     real(wp), intent(in) :: length             !! interval
     real(wp), intent(inout) :: most            !! largest value
-    real(wp) :: at(max_degree)
-    integer :: i, n
-    logical :: told
+    logical :: found
     if (largest(bernstein_on(c, length)) <= most) return
-    call raise(c, 0.0_wp, length, most, told)
-    if (told) return
-    most = max(most, c(0), horner(c, length))
-    call critical_points(c, length, n, at)
-    do i = 1, n
-      most = max(most, horner(c, at(i)))
-    end do
+    call raise(c, 0.0_wp, length, most, found)
+    if (found) return
+    call raise_to_largest(c, length, most)
   end subroutine raise_on_piece
 
   !> In contact, or in flight over a series.

@@ -16,6 +16,7 @@ module lapwing_flow_exact_flight
       bernstein_on, least, largest
   use lapwing_polynomial_roots, only: first_descent
   use lapwing_flank, only: locate_piece
+  use lapwing_system_exclusion, only: no_sooner
   implicit none
   private
   public :: end_t, flight_end, bounce, least_width
@@ -33,7 +34,7 @@ module lapwing_flow_exact_flight
 contains
 
   !> End of a flight between a wall above (the drive flank) and one below (the coast flank), both
-  !> moving with the flank the flight is told from.
+  !> moving with the flank the flight is seen from.
   pure subroutine flight_end(scene, curve, wall, touching, stop, at)
     type(scene_t), intent(in) :: scene         !! scene
     type(curve_t), intent(inout) :: curve      !! arc
@@ -194,7 +195,7 @@ contains
     end do
   end subroutine first_wall
 
-  !> A flight over a harmonic flank: panels, the first one from the launch.
+  !> A flight over a harmonic flank: panels, the first one from the arc's beginning.
   pure subroutine flight_over_series(scene, curve, wall, touching, stop, at)
     type(scene_t), intent(in) :: scene         !! scene
     type(curve_t), intent(inout) :: curve      !! arc, its series known
@@ -204,10 +205,10 @@ contains
     type(end_t), intent(out) :: at             !! the end
     real(wp) :: from, to, theta, rate, next, b(0:max_degree), sag
     integer :: panel
-    logical :: out(2), leaps
+    logical :: out(2), may_skip
     associate (form => scene%form)
       panel = locate_panel(form, curve%t)
-      leaps = scene%force > 0
+      may_skip = scene%force > 0
       from = 0
       theta = curve%x + curve%flank(1)
       rate = curve%v + curve%flank(2)
@@ -240,9 +241,9 @@ contains
         theta = next
         from = to
         panel = panel + 1
-        if (leaps) then
-          call leap(form, curve%t, scene%force, rate, wall, stop, panel, from, theta)
-          leaps = theta >= form%g_low + wall(1)
+        if (may_skip) then
+          call skip_ahead(form, curve%t, scene%force, rate, wall, stop, panel, from, theta)
+          may_skip = theta >= form%g_low + wall(1)
         end if
       end do
       at%s = stop
@@ -257,15 +258,15 @@ contains
 
   !> Move on, where that is possible, to the panel in which a flight can first meet the drive flank
   !> again: a parabola that opens upwards lies below its chord.
-  pure subroutine leap(form, t, force, rate, wall, stop, panel, from, theta)
+  pure subroutine skip_ahead(form, t, force, rate, wall, stop, panel, from, theta)
     type(closed_form_t), intent(in) :: form    !! scene
-    real(wp), intent(in) :: t                  !! cycle time of the launch
+    real(wp), intent(in) :: t                  !! cycle time of the flight's beginning
     real(wp), intent(in) :: force              !! F, positive
-    real(wp), intent(in) :: rate               !! theta' at the launch
+    real(wp), intent(in) :: rate               !! theta' there
     real(wp), intent(in) :: wall(2)            !! positions of the flanks
     real(wp), intent(in) :: stop               !! latest end
     integer, intent(inout) :: panel            !! panel
-    real(wp), intent(inout) :: from            !! its beginning, after the launch
+    real(wp), intent(inout) :: from            !! its beginning, after that
     real(wp), intent(inout) :: theta           !! position then
     real(wp) :: here, room, later, there, height
     integer :: k
@@ -273,7 +274,7 @@ contains
     room = (form%g_low + wall(1)) - theta
     if (.not. room > 0) return
     if (theta - 0.5_wp*min(here, 0.0_wp)**2/force <= form%g_high + wall(2)) return
-    later = (sqrt(here**2 + 2*force*room) - here)/force
+    later = no_sooner(room, here, force)
     k = locate_panel(form, t + min(from + later, stop))
     if (k <= panel) return
     there = form%edge(k) - t
@@ -283,9 +284,9 @@ contains
     panel = k
     from = there
     theta = height
-  end subroutine leap
+  end subroutine skip_ahead
 
-  !> The one meeting with a wall within a panel, where it is plain that there is just one.
+  !> The one crossing of a wall within a panel, where it is plain that there is just one.
   pure subroutine cross_only(scene, curve, panel, wall, flank, b, to, out, at)
     type(scene_t), intent(in) :: scene         !! scene
     type(curve_t), intent(in) :: curve         !! arc
@@ -304,7 +305,7 @@ contains
       call only_zero(c, here%half, sign*(b - wall(flank)), here%g_rest, settled, s, v)
       s = (here%middle - curve%t) + s
     end associate
-    ! So near to its beginning the arc's own series keeps more digits.
+    ! Near its beginning the arc's own series keeps more digits.
     if (.not. settled .or. s <= reach(start_order)/scene%form%fastest) return
     out(flank) = .true.
     if (s <= to) at = end_t(flank, s, wall(flank), sign*v)
@@ -321,7 +322,7 @@ contains
     b = x + (v*width)*linear + (0.5_wp*a*width**2)*square
   end function parabola
 
-  !> Which walls the first part of a flight cannot meet, by its series about the launch.
+  !> Which walls the first part of a flight cannot meet, by its series about the beginning.
   pure function ruled_out(curve, wall, touching, to, bound) result(out)
     type(curve_t), intent(in) :: curve         !! arc
     real(wp), intent(in) :: wall(2)            !! positions of the flanks
@@ -345,7 +346,7 @@ contains
     end if
   end function ruled_out
 
-  !> First meeting, within a panel, with those walls that are not ruled out.
+  !> First crossing, within a panel, of those walls that are not ruled out.
   pure subroutine search_panel(scene, curve, panel, wall, touching, from, to, out, at)
     type(scene_t), intent(in) :: scene         !! scene
     type(curve_t), intent(inout) :: curve      !! arc

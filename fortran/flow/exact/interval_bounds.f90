@@ -10,7 +10,8 @@ module lapwing_flow_exact_interval_bounds
   private
   public :: blocks_t, make_blocks
 
-  !> Fewer than this are looked at one by one. Nothing but speed depends on it.
+  !> Fewer than this are looked at one by one. Nothing but speed depends on it, and that little:
+  !> with 24 or 96 a cycle over 16 to 192 knots takes up to a fifth more or a tenth less time.
   integer, parameter :: least_many = 48
 
   !> Bounds over panels in a row.

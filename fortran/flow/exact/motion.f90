@@ -173,7 +173,7 @@ contains
     if (curve%contact) a = a - 2*scene%form%damping%xi*v - x
   end function acceleration_at
 
-  !> d and d' in the middle of the panel that holds the launch, which may lie before it.
+  !> d and d' in the middle of the panel in which an arc begins, which may lie before that.
   pure function free_in_middle(scene, curve, panel) result(free)
     type(scene_t), intent(in) :: scene             !! scene
     type(curve_t), intent(in) :: curve             !! arc

@@ -35,7 +35,7 @@ module lapwing_flow_exact_panels
   integer, parameter :: most_panels = 100000   !! of a scene that is not graded; some 70 MB
   !> A Taylor series of order n is exact to rounding where rate*s is below its reach: the first term
   !> left out, (rate*s)**(n + 1)/(n + 1)!, against the second one, (rate*s)**2/2.
-  integer, parameter :: start_order = 13   !! highest order of a series about a launch
+  integer, parameter :: start_order = 13   !! highest order of a series about an arc's beginning
   real(wp), parameter :: half_factorial(5) = [360.0_wp, 20160.0_wp, 1814400.0_wp, &
       239500800.0_wp, 43589145600.0_wp]     !! (n + 1)!/2 for n = 5, 7, ... 13
   real(wp), parameter :: reaches(5) = (epsilon(1.0_wp)*half_factorial) &

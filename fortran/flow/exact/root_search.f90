@@ -1,7 +1,7 @@
-!> Where a arc first meets a position, or first turns, with a guarantee.
+!> Where an arc first crosses a position, or first turns, with a guarantee.
 !>
 !> Around any time the motion is a polynomial of degree five and a remainder that is bounded. Less
-!> that bound, the polynomial's Bernstein coefficients tell up to where there can be no zero: the
+!> that bound, the polynomial's Bernstein coefficients show up to where there can be no zero: the
 !> search begins anew there, over a shorter time. Once the remainder is below rounding the
 !> polynomial decides. A zero is taken before that only where slope, curvature and remainder say
 !> that it exists and is the only one near.
@@ -11,7 +11,7 @@ module lapwing_flow_exact_root_search
   use lapwing_flow_exact_motion, only: curve_at, curve_taylor, rest_after, acceleration_at
   use lapwing_flow_exact_panels, only: bound_order
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, jet
-  use lapwing_polynomial_roots, only: first_zero, first_nonzero, lift_off
+  use lapwing_polynomial_roots, only: first_zero, first_nonzero, lift_off, newton
   use lapwing_system_oscillation, only: n_taylor
   implicit none
   private
@@ -31,10 +31,12 @@ module lapwing_flow_exact_root_search
   !> Searches of an arc; never used up, for each either shrinks the time or moves on by it.
   integer, parameter :: max_searches = 10000
   integer, parameter :: max_newton = 12
-  !> Of a zero that is only a guess, over the time searched; it is found early rather than late.
+  !> Error of a zero that is only a guess, over the time searched; it is found early rather than
+  !> late. Two Newton steps make sixteen digits of its four. With 1e-3 and 1e-5 random scenes have
+  !> the same events.
   real(wp), parameter :: rough = 1.0e-4_wp
   !> A return to a position just left is polished only if it is that many such errors away: what is
-  !> polished has a zero at the launch, too, and turns half-way.
+  !> polished has a zero at the beginning, too, and turns half-way.
   real(wp), parameter :: well_apart = 32
 
 contains
@@ -278,7 +280,7 @@ contains
   end function is_isolated
 
   !> A zero to the last bits from a guess near to it: the motion's Taylor polynomial about the guess
-  !> is exact so near. `polished` tells whether it was near enough, and within the bracket.
+  !> is exact so near. `polished`: whether it was near enough, and within the bracket.
   pure subroutine polish(scene, curve, panel, goal, least, guess, most, polished, s, x, v)
     type(scene_t), intent(in) :: scene         !! scene
     type(curve_t), intent(in) :: curve         !! arc
@@ -288,8 +290,7 @@ contains
     logical, intent(out) :: polished           !! whether it is found
     real(wp), intent(out) :: s                 !! the zero, or the guess
     real(wp), intent(out) :: x, v              !! position and velocity there
-    real(wp) :: f(0:max_degree), c(0:max_degree), rest, slope, step, move
-    integer :: i
+    real(wp) :: f(0:max_degree), c(0:max_degree), rest, slope, move
     call curve_taylor(scene, curve, panel, .false., guess, c, rest)
     call goal_of(goal, c, f, rest)
     polished = .false.
@@ -297,13 +298,9 @@ contains
     x = c(0)
     v = c(1)
     move = 0
-    do i = 1, max_newton
-      slope = horner_slope(f, move)
-      if (slope >= 0) return
-      step = -horner(f, move)/slope
-      move = move + step
-      if (abs(step) <= epsilon(s)*(guess + abs(move))) exit
-    end do
+    call newton(f, -huge(move), huge(move), epsilon(s)*guess, epsilon(s), move, slope, polished)
+    if (.not. polished) return
+    polished = .false.
     if (guess + move < least .or. guess + move > most &
         .or. rest*abs(move)**max_degree > epsilon(s)*abs(slope)) return
     polished = .true.

@@ -25,14 +25,14 @@ module lapwing_flow_exact_slow_contact
 
 contains
 
-  !> First meeting of a target between two times, or how far it was looked for.
+  !> First crossing of a target between two times, or how far it was looked for.
   pure subroutine slow_crossing(scene, curve, goal, from, stop, panel, found, s)
     type(scene_t), intent(in) :: scene         !! scene
     type(curve_t), intent(in) :: curve         !! arc
     type(target_t), intent(in) :: goal         !! what is looked for
     real(wp), intent(in) :: from, stop         !! times since the arc began
     integer, intent(inout) :: panel            !! panel that holds `from`; then s
-    logical, intent(out) :: found              !! whether it is met
+    logical, intent(out) :: found              !! whether it is crossed
     real(wp), intent(out) :: s                 !! when; else nothing is met up to here
     type(target_t) :: here
     real(wp) :: to
@@ -59,7 +59,7 @@ contains
     type(target_t), intent(in) :: goal         !! what is looked for
     real(wp), intent(in) :: to                 !! latest time, on the panel
     integer, intent(inout) :: looks            !! close looks so far
-    logical, intent(out) :: found              !! whether it is met
+    logical, intent(out) :: found              !! whether it is crossed
     real(wp), intent(inout) :: s               !! where to begin; then when it is met, or how far
     type(lasting_t) :: left
     type(target_t) :: here
@@ -113,7 +113,7 @@ contains
     type(curve_t), intent(in) :: curve         !! arc
     integer, intent(in) :: panel               !! panel
     real(wp), intent(in) :: s                  !! time since the arc began
-    logical, intent(in) :: rate                !! whether q' is meant
+    logical, intent(in) :: rate                !! whether it is q'
     real(wp), intent(out) :: c(0:max_degree)   !! coefficients
     real(wp), intent(out) :: rest              !! bound
     real(wp) :: q(0:n_taylor)

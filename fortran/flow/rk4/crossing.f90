@@ -21,7 +21,8 @@ module lapwing_flow_rk4_crossing
   integer, parameter :: max_polish = 8
   !> A polished event may leave the dense output's by this part of the step. Where it would go
   !> further the crossing is so shallow that dense output and formula disagree about it within
-  !> the step's error; then the dense output decides.
+  !> the step's error; then the dense output decides. With 0.02
+  !> and 0.1 random scenes have the same events.
   real(wp), parameter :: trust = 0.05_wp
 
   !> Where a step meets a flank.

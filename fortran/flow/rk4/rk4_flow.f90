@@ -11,7 +11,7 @@ module lapwing_flow_rk4_rk4_flow
   use lapwing_flow_rk4_step_control, only: step_to_try, error_ratio, after_accepted, &
       after_rejected
   use lapwing_polynomial_evaluation, only: max_degree, horner, upper_bound
-  use lapwing_polynomial_roots, only: critical_points
+  use lapwing_polynomial_roots, only: critical_points, raise_to_largest
   use lapwing_system, only: system_t, instant_t, frame_t, max_states
   implicit none
   private
@@ -160,8 +160,7 @@ contains
     real(wp), intent(out) :: largest              !! the larger of the two, rad
     type(work_t), intent(inout) :: work           !! counts
     type(frame_t) :: frame
-    real(wp) :: c(0:max_degree), length, at(max_degree)
-    integer :: i, n
+    real(wp) :: c(0:max_degree), length
     largest = least
     frame = arc%frame
     do
@@ -170,24 +169,20 @@ contains
       if (flank /= drive_flank) c = -c
       if (upper_bound(c, length) > largest) then
         work%depth_searches = work%depth_searches + 1
-        call critical_points(c, length, n, at)
-        largest = max(largest, c(0), horner(c, length))
-        do i = 1, n
-          largest = max(largest, horner(c, at(i)))
-        end do
+        call raise_to_largest(c, length, largest)
       end if
       if (frame%piece_end >= arc%length) return
       call system%next_piece(frame)
     end do
   end subroutine farthest
 
-  !> Tell where a step comes near a flank, or near release, and turns back: piece by piece.
+  !> Report where a step comes near a flank, or near release, and turns back: piece by piece.
   subroutine near_turns(self, system, arc, within, listener, work)
     class(rk4_flow_t), intent(in) :: self
     class(system_t), intent(in) :: system         !! what moves
     type(arc_t), intent(in) :: arc                !! a step it took
     real(wp), intent(in) :: within                !! what is near, rad
-    class(listener_t), intent(inout) :: listener  !! who is told
+    class(listener_t), intent(inout) :: listener  !! who hears of it
     type(work_t), intent(inout) :: work           !! counts
     type(frame_t) :: frame
     integer :: flank
@@ -210,7 +205,7 @@ contains
     type(frame_t), intent(in) :: frame            !! frame on the piece
     integer, intent(in) :: flank                  !! flank
     real(wp), intent(in) :: within                !! what is near, rad
-    class(listener_t), intent(inout) :: listener  !! who is told
+    class(listener_t), intent(inout) :: listener  !! who hears of it
     type(work_t), intent(inout) :: work           !! counts
     !> Part of the piece before a turn, where the distance must be larger: a minimum.
     real(wp), parameter :: before = 1.0e-3_wp

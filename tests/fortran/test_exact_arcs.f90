@@ -1,6 +1,6 @@
-!> How stretches in closed form end, against the differential equation followed in quadruple
+!> How arcs in closed form end, against the differential equation followed in quadruple
 !> precision with dense samples: flights between two flanks, contacts, and what lies at their stop.
-program test_exact_stretch
+program test_exact_arcs
   use assertions, only: tally_t
   use exact_reference, only: qp, seed, uniform, chance, pick, random_scene, slow_scene, &
       table_scene, series_scene, quad_flow, amplification, largest_term, &
@@ -17,14 +17,14 @@ program test_exact_stretch
 
   type(tally_t) :: tally
   real(wp), parameter :: eps = epsilon(1.0_wp)
-  integer, parameter :: n_stretches = 1000, n_slow = 400, n_samples = 150
+  integer, parameter :: n_arcs = 1000, n_slow = 400, n_samples = 150
 
   call seed(20261126)
   call test_flights()
   call test_contacts()
   call test_slow_contacts()
   call test_kink_is_a_stop()
-  call test_meeting_at_the_stop()
+  call test_crossing_at_the_stop()
   call test_mirror()
   call test_bounce()
   call tally%finish()
@@ -34,7 +34,7 @@ contains
   !> Rounding of a position after s.
   real(wp) function rounding(scene, curve, s)
     type(scene_t), intent(in) :: scene       !! scene
-    type(curve_t), intent(in) :: curve       !! stretch
+    type(curve_t), intent(in) :: curve       !! arc
     real(wp), intent(in) :: s                !! time
     real(wp) :: bend
     if (scene%form%graded) then
@@ -48,10 +48,10 @@ contains
         + (200 + 10*scene%form%n)*(bend + amplification(scene)))
   end function rounding
 
-  !> By the equation to time s of the stretch, from a state at a time of it, before any kink there.
+  !> By the equation to time s of the arc, from a state at a time of it, before any kink there.
   subroutine follow(scene, curve, piece, at, s, x, v)
     type(scene_t), intent(in) :: scene       !! scene
-    type(curve_t), intent(in) :: curve       !! stretch
+    type(curve_t), intent(in) :: curve       !! arc
     integer, intent(inout) :: piece          !! table piece
     real(qp), intent(inout) :: at            !! time since it began, moved to s
     real(qp), intent(in) :: s                !! later time
@@ -74,7 +74,7 @@ contains
   !> position and velocity at that end.
   subroutine check_end(scene, curve, wall, stop, at, what)
     type(scene_t), intent(in) :: scene       !! scene
-    type(curve_t), intent(in) :: curve       !! stretch
+    type(curve_t), intent(in) :: curve       !! arc
     real(wp), intent(in) :: wall(2)          !! upper and lower wall
     real(wp), intent(in) :: stop             !! latest end
     type(end_t), intent(in) :: at            !! end found
@@ -106,10 +106,10 @@ contains
     call tally%below(merge(-at%v, at%v, at%flank == drive_flank), allowed, what//": on its way in")
   end subroutine check_end
 
-  !> Where the stretch must end at the latest: the next kink or the end of the cycle.
+  !> Where the arc must end at the latest: the next kink or the end of the cycle.
   real(wp) function longest(scene, curve)
     type(scene_t), intent(in) :: scene       !! scene
-    type(curve_t), intent(in) :: curve       !! stretch
+    type(curve_t), intent(in) :: curve       !! arc
     longest = scene%flank%knot(scene%flank%next_kink(curve%piece)) - curve%t
   end function longest
 
@@ -118,7 +118,7 @@ contains
     type(scene_t), intent(inout) :: scene    !! scene, sometimes then seen from a flank that stands
     logical, intent(in) :: contact           !! which of the two
     real(wp), intent(in) :: x, v             !! position and velocity
-    type(curve_t), intent(out) :: curve      !! stretch
+    type(curve_t), intent(out) :: curve      !! arc
     real(wp) :: t
     integer :: piece
     t = uniform(0.0_wp, scene%form%period)
@@ -138,7 +138,7 @@ contains
     real(wp) :: wall(2), stop, x, v
     integer :: i, touching, met(0:2)
     met = 0
-    do i = 1, n_stretches
+    do i = 1, n_arcs
       call random_scene(mod(i, 3) == 0, pick([0.0_wp, 0.3_wp]), scene)
       wall = [0.0_wp, -10.0_wp**uniform(-3.0_wp, 0.7_wp)]
       if (chance(0.2_wp)) wall(2) = least_width
@@ -164,13 +164,13 @@ contains
 
   subroutine test_contacts()
     type(scene_t) :: scene
-    type(curve_t) :: curve, told
+    type(curve_t) :: curve, again
     type(end_t) :: at
     real(wp) :: wall(2), stop, x, v, sign
     integer :: i, flank, met(0:2)
     logical :: touching
     met = 0
-    do i = 1, n_stretches
+    do i = 1, n_arcs
       call random_scene(mod(i, 3) == 0, pick([0.0_wp, 0.3_wp]), scene)
       flank = merge(drive_flank, coast_flank, chance(0.5_wp))
       sign = merge(1.0_wp, -1.0_wp, flank == drive_flank)
@@ -188,9 +188,9 @@ contains
       call begin(scene, .true., x, v, curve)
       stop = longest(scene, curve)
       if (chance(0.3_wp)) stop = stop*uniform(0.0_wp, 1.0_wp)
-      ! It may tell the stretch anew from a knot.
-      told = curve
-      call contact_end(scene, told, flank, touching, stop, at)
+      ! It may begin the arc anew at a knot.
+      again = curve
+      call contact_end(scene, again, flank, touching, stop, at)
       met(at%flank) = met(at%flank) + 1
       ! Release is met from inside: a wall at zero on the other side of the motion.
       wall = [1.0e6_wp, 0.0_wp]
@@ -209,7 +209,7 @@ contains
   !> Contacts in graded scenes: near release, near rest or thrown about, and up to the next knot.
   subroutine test_slow_contacts()
     type(scene_t) :: scene
-    type(curve_t) :: curve, told
+    type(curve_t) :: curve, again
     type(end_t) :: at
     real(wp) :: wall(2), stop, x, v, sign, size
     integer :: i, flank, met(0:2)
@@ -232,8 +232,8 @@ contains
       call begin(scene, .true., x, v, curve)
       stop = min(longest(scene, curve), scene%flank%knot(curve%piece + 1) - curve%t)
       if (chance(0.3_wp)) stop = stop*uniform(0.0_wp, 1.0_wp)
-      told = curve
-      call contact_end(scene, told, flank, touching, stop, at)
+      again = curve
+      call contact_end(scene, again, flank, touching, stop, at)
       met(at%flank) = met(at%flank) + 1
       wall = [1.0e6_wp, 0.0_wp]
       if (flank == coast_flank) wall = [0.0_wp, -1.0e6_wp]
@@ -252,7 +252,7 @@ contains
   !> The farthest point is the largest of the ends and of all turns.
   subroutine check_turns(scene, curve, until)
     type(scene_t), intent(in) :: scene       !! scene
-    type(curve_t), intent(in) :: curve       !! stretch, its series known
+    type(curve_t), intent(in) :: curve       !! arc, its series known
     real(wp), intent(in) :: until            !! its length
     real(qp) :: x, v, time
     real(wp) :: most, from, s, at_turns, allowed
@@ -287,7 +287,7 @@ contains
   subroutine test_kink_is_a_stop()
     real(wp) :: coefficients(0:5, 2), stop
     type(scene_t) :: scene
-    type(curve_t) :: curve, told
+    type(curve_t) :: curve, again
     type(end_t) :: at
     ! g rises to 1 at 0.3 and falls again, over P = 2; F = 0.
     coefficients = 0
@@ -304,14 +304,14 @@ contains
     call tally%near(at%x, -0.5_wp + 0.2_wp*stop, 4*eps, "its position there")
     call tally%near(at%v, 0.2_wp, 4*eps, "its velocity before the kink")
     call begin_curve(scene, .true., 0.1_wp, 1, 5.0_wp, 0.0_wp, curve)
-    told = curve
-    call contact_end(scene, told, drive_flank, .false., stop, at)
+    again = curve
+    call contact_end(scene, again, drive_flank, .false., stop, at)
     call tally%equal(at%flank, no_flank, "contact up to a kink")
     call check_end(scene, curve, [1.0e6_wp, 0.0_wp], stop, at, "contact up to a kink")
   end subroutine test_kink_is_a_stop
 
-  !> A meeting exactly at the stop is one there or none; 1e-9 before it is one, behind it none.
-  subroutine test_meeting_at_the_stop()
+  !> A crossing exactly at the stop is one there or none; 1e-9 before it is one, behind it none.
+  subroutine test_crossing_at_the_stop()
     real(wp) :: coefficients(0:5, 1), speed, stop
     type(scene_t) :: scene
     type(curve_t) :: curve
@@ -333,7 +333,7 @@ contains
             "end near a wall")
       end do
     end do
-  end subroutine test_meeting_at_the_stop
+  end subroutine test_crossing_at_the_stop
 
   !> The drive flank's world turned upside down is the coast flank's. The drive flank is looked at
   !> first; what is found at the other one is then polished from elsewhere, to a few bits the same.
@@ -370,7 +370,7 @@ contains
   end subroutine test_mirror
 
   subroutine check_mirrored(at, other)
-    type(end_t), intent(in) :: at, other     !! end, end of the mirrored stretch
+    type(end_t), intent(in) :: at, other     !! end, end of the mirrored arc
     call tally%near(other%s, at%s, 1.0e-13_wp, "its end, mirrored")
     call tally%near(other%x, -at%x, 1.0e-13_wp, "position there, mirrored")
     call tally%near(other%v, -at%v, 1.0e-13_wp, "velocity there, mirrored")
@@ -386,7 +386,7 @@ contains
     integer :: i, touching, hits, piece
     logical :: found
     hits = 0
-    do i = 1, n_stretches
+    do i = 1, n_arcs
       call random_scene(mod(i, 2) == 0, 0.0_wp, scene)
       t = uniform(0.0_wp, 0.95_wp)*scene%form%period
       piece = locate_piece(scene%flank, t, 1)
@@ -410,7 +410,7 @@ contains
       call tally%near(real(x, wp), 0.0_wp, speed*at%s*eps*(16 + 16*size_of_pull(scene)/pull), &
           "position of return")
     end do
-    call tally%below(0.2_wp*n_stretches, real(hits, wp), "bounces")
+    call tally%below(0.2_wp*n_arcs, real(hits, wp), "bounces")
   end subroutine test_bounce
 
   !> Sizes of what a pull is the sum of.
@@ -420,4 +420,4 @@ contains
     if (.not. is_smooth(scene%flank)) size_of_pull = abs(scene%force) &
         + largest_term(scene, 2)*20*(1 + scene%form%period)**4
   end function size_of_pull
-end program test_exact_stretch
+end program test_exact_arcs
