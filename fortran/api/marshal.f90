@@ -3,12 +3,7 @@ module lapwing_api_marshal
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use lapwing_kinds, only: wp
-  use lapwing_codes, only: separation, engagement, back_engagement, no_flank, drive_flank, &
-      coast_flank, method_rk4, method_exact, law_restitution, law_compliant, law_rigid, &
-      law_relative, law_absolute, gap_one_sided, gap_symmetric, gap_one_flank, event_impact, &
-      event_release, event_engage, event_chatter_end, event_kink, event_near_graze, status_ok, &
-      status_too_many_events, status_too_many_steps, status_step_too_small, status_not_finite, &
-      status_unfinished, status_out_of_memory
+  use lapwing_codes, only: all_codes, status_unfinished, status_out_of_memory
   use lapwing_flow, only: flow_t, work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
   use lapwing_run_method, only: make_system, make_flow
@@ -42,14 +37,6 @@ module lapwing_api_marshal
 
   integer(c_int), parameter :: all_sizes(10) = [blob_size, work_size, log_columns, cycle_columns, &
       sample_columns, n_reals, n_choices, tangent_columns, outcome_columns, most_looked_for]
-  integer(c_int), parameter :: all_codes(34) = [separation, engagement, back_engagement, &
-      no_flank, drive_flank, coast_flank, event_impact, event_impact + 1, event_release, &
-      event_release + 1, event_engage, event_engage + 1, event_chatter_end, &
-      event_chatter_end + 1, event_kink, event_near_graze, event_near_graze + 1, &
-      law_restitution, law_compliant, law_rigid, law_relative, law_absolute, gap_one_sided, &
-      gap_symmetric, gap_one_flank, status_ok, status_too_many_events, status_too_many_steps, &
-      status_step_too_small, status_not_finite, status_unfinished, status_out_of_memory, &
-      method_rk4, method_exact]
 
   !> The transmission error as the engine takes it; of a series the table is one empty piece.
   type :: flank_data_t

@@ -1,4 +1,4 @@
-!> Every code that leaves the engine, named once; `lapwing.codes` mirrors it in Python.
+!> Every code that leaves the engine, named once; `lapwing.base.codes` mirrors it in Python.
 module lapwing_codes
   implicit none
   private
@@ -12,6 +12,7 @@ module lapwing_codes
   public :: event_near_graze, event_kind
   public :: status_ok, status_too_many_events, status_too_many_steps
   public :: status_step_too_small, status_not_finite, status_unfinished, status_out_of_memory
+  public :: all_codes
 
   ! Motion states
   integer, parameter :: separation = 0
@@ -57,6 +58,16 @@ module lapwing_codes
   integer, parameter :: status_not_finite = 4
   integer, parameter :: status_unfinished = 5
   integer, parameter :: status_out_of_memory = 6
+
+  !> All of them, in the order of `lapwing.base.codes`, for the test that both sides agree.
+  integer, parameter :: all_codes(*) = [separation, engagement, back_engagement, &
+      no_flank, drive_flank, coast_flank, event_impact, event_impact + 1, event_release, &
+      event_release + 1, event_engage, event_engage + 1, event_chatter_end, &
+      event_chatter_end + 1, event_kink, event_near_graze, event_near_graze + 1, &
+      law_restitution, law_compliant, law_rigid, law_relative, law_absolute, gap_one_sided, &
+      gap_symmetric, gap_one_flank, status_ok, status_too_many_events, status_too_many_steps, &
+      status_step_too_small, status_not_finite, status_unfinished, status_out_of_memory, &
+      method_rk4, method_exact]
 
 contains
 

@@ -73,8 +73,8 @@ def test_codes_are_those_of_the_engine():
 
 
 def test_the_order_of_the_codes_is_that_of_their_names():
-    """`all_codes` of marshal.f90 spells names: they are those of the enumerations."""
-    text = re.search(r"all_codes\(\d+\) = \[(.*?)\]", source("api/marshal.f90"), re.S)[1]
+    """`all_codes` of codes.f90 spells names: they are those of the enumerations."""
+    text = re.search(r"all_codes\(\*\) = \[(.*?)\]", source("base/codes.f90"), re.S)[1]
     names = [name.strip() for name in text.replace("&", "").replace("\n", " ").split(",")]
     expected = []
     for enum, prefix in ((codes.MotionState, ""), (codes.Flank, ""), (codes.EventKind, "event_"),

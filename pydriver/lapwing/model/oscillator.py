@@ -198,7 +198,7 @@ class Oscillator:
                            taken.take(arguments.flag, "back_flank_te", self.back_flank_te))
         laws = (self.contact_law, self.impact_law)
         if all(isinstance(law, str) for law in laws) and laws[1] == "absolute" \
-                and laws[0] in ("compliant", "rigid"):
+                and laws[0] in set(names(ContactLaw)) - {"restitution"}:
             taken.problems.append("impact_law 'absolute' goes with contact_law 'restitution' only, "
                                   f"not {self.contact_law!r}")
         return taken.problems
