@@ -35,6 +35,8 @@ LONGEST = 0.5
 # Samples of a cycle taken for the series' sake: enough for mesh frequencies down to 1/4000 of the
 # natural one. What needs more has no peak; else memory and time would grow with this ratio.
 MOST_PHASES = 50_000
+# Cycles whose series are made together.
+BATCH = 64
 BEGINS = {EventKind.ENGAGE: MotionState.ENGAGEMENT, EventKind.CHATTER_END: MotionState.ENGAGEMENT,
           EventKind.BACK_ENGAGE: MotionState.BACK_ENGAGEMENT,
           EventKind.BACK_CHATTER_END: MotionState.BACK_ENGAGEMENT}
@@ -101,22 +103,26 @@ def contact_forces(osc: Oscillator, recording: Recording) -> NDArray[Any]:
     # Phases are fractions of the period to rounding.
     near = osc.period * np.diff(phase).max() <= _longest(osc) * (1 + 1e-9)
     log = of_kind(recording.events, (*BEGINS, *ENDS))
-    for m in range(record):
-        samples = recording.samples[m * size:(m + 1) * size + 1]
-        nodes = _nodes(osc, phase, samples, flank, log[log["cycle"] == m])
-        result[:, m] = _mean(osc, nodes), _peak(osc, nodes) if near else math.nan
+    for m in range(0, record, BATCH):
+        cycles = np.arange(m, min(m + BATCH, record))
+        samples = recording.samples[cycles[:, None] * size + np.arange(size + 1)]
+        nodes = _nodes(osc, phase, samples, flank, log[np.isin(log["cycle"], cycles)], m)
+        result[0, cycles] = [_mean(osc, one) for one in nodes]
+        if near:
+            result[1, cycles] = _peaks(osc, nodes)
     return result
 
 
 def _nodes(osc: Oscillator, phase: NDArray[Any], samples: NDArray[Any], flank: list[NDArray[Any]],
-           events: NDArray[Any]) -> NDArray[Any]:
-    """Columns (t, state, d, d', θ') at samples and events in order; the state is the one after.
+           events: NDArray[Any], first: int) -> list[NDArray[Any]]:
+    """Of each cycle from the first on, columns (t, state, d, d', θ') at samples and events.
 
-    Of an end of contact, and of a sample where contact goes on, the last two hold before it too.
+    In order; the state is the one after. Of an end of contact, and of a sample where contact goes
+    on, the last two hold before it too. `samples` is (cycles, phases).
     """
     state, phi, phi_dot = (samples[name] for name in SAMPLE)
-    at = np.array([phase * osc.period, state, *deflection(osc, state, phi, phi_dot, *flank),
-                   phi_dot + flank[1]])
+    at = np.array([np.broadcast_to(phase * osc.period, state.shape), state,
+                   *deflection(osc, state, phi, phi_dot, *flank), phi_dot + flank[1]])
     kind, t = events["kind"], events["t"]
     before, after = events["velocity_before"], events["velocity_after"]
     ends = np.isin(kind, ENDS)
@@ -130,8 +136,12 @@ def _nodes(osc: Oscillator, phase: NDArray[Any], samples: NDArray[Any], flank: l
     own = np.where(coast, moving, 1.0) * np.where(ends, *side)
     hits = np.array([t, begun, np.zeros(t.size), rate, rate + own])
     # Stable: an event comes before a sample at the same time, which sees the state after it.
-    both = np.hstack([hits, at])
-    return both[:, np.argsort(both[0], kind="stable")]
+    both = np.hstack([hits, at.reshape(5, -1)])
+    cycle = np.concatenate([events["cycle"] - first,
+                            np.repeat(np.arange(len(samples)), phase.size)])
+    order = np.lexsort((both[0], cycle))
+    return np.split(both[:, order], np.searchsorted(cycle[order], np.arange(1, len(samples))),
+                    axis=1)
 
 
 def _mean(osc: Oscillator, nodes: NDArray[Any]) -> float:
@@ -145,21 +155,22 @@ def _mean(osc: Oscillator, nodes: NDArray[Any]) -> float:
                  / osc.period)
 
 
-def _peak(osc: Oscillator, nodes: NDArray[Any]) -> float:
-    """Largest magnitude of the force in a cycle."""
-    width = np.diff(nodes[0])
-    some = (nodes[1, :-1] != MotionState.SEPARATION) & (width > 0)
-    if not some.any():
-        return 0.0
-    series = _force_series(osc, nodes[:, :-1][:, some], width[some])
+def _peaks(osc: Oscillator, cycles: list[NDArray[Any]]) -> NDArray[Any]:
+    """Largest magnitude of the force in each of some cycles."""
+    nodes = np.hstack([one[:, :-1] for one in cycles])
+    width = np.concatenate([np.diff(one[0]) for one in cycles])
+    cycle = np.repeat(np.arange(len(cycles)), [one.shape[1] - 1 for one in cycles])
+    some = (nodes[1] != MotionState.SEPARATION) & (width > 0)
+    series, cycle = _force_series(osc, nodes[:, some], width[some]), cycle[some]
     ends = np.abs(np.array([series[:, 0], series.sum(axis=1)]))
-    best = float(ends.max())
+    best = np.zeros(len(cycles))
+    np.maximum.at(best, cycle, ends.max(axis=0))
     bound = 0.5 * (ends.sum(axis=0) + np.abs(series) @ np.arange(series.shape[1]))
-    for i in np.argsort(-bound):
-        if bound[i] <= best:
-            break
-        values = power.polyval(stationary_points(series[i]), series[i])
-        best = max(best, float(np.abs(values).max()))
+    left = np.flatnonzero(bound > best[cycle])
+    for i in left[np.argsort(-bound[left])]:
+        if bound[i] > best[cycle[i]]:
+            values = power.polyval(stationary_points(series[i]), series[i])
+            best[cycle[i]] = max(best[cycle[i]], float(np.abs(values).max()))
     return best
 
 
