@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from lapwing.base.exit_codes import ExitCode
 from lapwing.cli import BAD_INPUT, FAILED, INTERRUPTED, OK, app
 from lapwing.deck import load_deck
-from lapwing.report.answers.findings import on_console, told_in
+from lapwing.report.answers.findings import findings_in, on_console
 from lapwing.results import read_results
 
 INPUTS = Path(__file__).parents[1] / "inputs"
@@ -107,7 +107,7 @@ def test_the_findings_head_summary_and_console(finished):
     deck, out, first = finished
     summary = (out / "small" / "summary.md").read_text(encoding="utf-8")
     assert summary.splitlines()[2] == "## Findings"
-    said = on_console(told_in(summary))
+    said = on_console(findings_in(summary))
     assert "Separation was" in said or "The teeth" in said
     again = call("run", deck, "--out", out)
     for output in (first.output, again.output):
@@ -263,7 +263,7 @@ main()
 """
 PLACES = {"lapwing.deck:load_deck": False, "lapwing.studies.response.run:response": False,
           "lapwing.studies.sweep.run:sweep": True, "lapwing.results.file:store_checksums": True,
-          "lapwing.plots:draw_all": True, "lapwing.plots.crew:wait": True}
+          "lapwing.plots:draw_all": True, "lapwing.plots.pool:wait": True}
 
 
 def signalled(tmp_path, where, signum):
@@ -277,7 +277,7 @@ def signalled(tmp_path, where, signum):
 
 EVERY_DAY = {("SIGINT", "lapwing.deck:load_deck"),
              ("SIGINT", "lapwing.studies.response.run:response"),
-             ("SIGINT", "lapwing.plots.crew:wait"), ("SIGTERM", "lapwing.plots:draw_all"),
+             ("SIGINT", "lapwing.plots.pool:wait"), ("SIGTERM", "lapwing.plots:draw_all"),
              ("SIGUSR1", "lapwing.results.file:store_checksums")}
 
 

@@ -14,9 +14,10 @@ import pytest
 
 from lapwing.cli import BAD_INPUT, FAILED, OK, SURROUNDINGS
 from lapwing.deck import load_deck
+from lapwing.folder import FolderError, folder_of
 from lapwing.results import DamagedFile, checksums, read_results
 from lapwing.results.store import FolderLock, Manifest, staging_of
-from lapwing.run import FolderError, folder_of, run_deck
+from lapwing.run import run_deck
 from test_cli import call, write_deck
 
 NAMES = {"result.nc", "used.nml", "summary.md", "manifest.json"}

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from lapwing.deck.deck import Deck
-    from lapwing.plots.crew import Crew
+    from lapwing.plots.pool import DrawingPool
     from lapwing.studies.of_deck import Found
 
 # Formats of figures by what is asked for.
@@ -153,19 +153,19 @@ class _Run:
 
     def carry_out(self, force: bool) -> Outcome:
         """Reuse, draw again, or compute; the `Outcome`."""
-        from lapwing.plots.crew import Crew
-        from lapwing.report.answers.findings import told_in
+        from lapwing.plots.pool import DrawingPool
+        from lapwing.report.answers.findings import findings_in
         from lapwing.studies.of_deck import compute
 
         known = {} if force else self._known()
         if known is None:
-            findings = told_in(read_text(self.folder / SUMMARY))
+            findings = findings_in(read_text(self.folder / SUMMARY))
             return Outcome(self.folder, reused=True, findings=findings)
         estimates.require_disk(self.deck, self.folder)
-        with Crew(self.threads) as crew:
+        with DrawingPool(self.threads) as pool:
             found = compute(self.deck, self.threads, self.report, known, self.shards,
                             self.notes.append)
-            return self._publish(found, crew)
+            return self._publish(found, pool)
 
     def _known(self) -> dict[tuple[str, str], xr.Dataset] | None:
         """Finished studies that lie there already; None where nothing is left to do."""
@@ -211,11 +211,11 @@ class _Run:
                           f"{'study' if len(known) == 1 else 'studies'} taken over")
         return known
 
-    def _publish(self, found: Found, crew: Crew) -> Outcome:
+    def _publish(self, found: Found, pool: DrawingPool) -> Outcome:
         """Write everything aside and publish it."""
         from lapwing.plots import FORMATS
-        from lapwing.report.answers.findings import told_in
-        from lapwing.report.headlines import headlines
+        from lapwing.report.answers.findings import findings_in
+        from lapwing.report.summary import headlines
         from lapwing.results import engine_digest
         from lapwing.studies.of_deck import studies_of
 
@@ -232,15 +232,15 @@ class _Run:
             try:
                 with held():
                     variables = self._write(found, staging.path)
-                    told = told_in(read_text(staging.path / SUMMARY))
+                    findings = findings_in(read_text(staging.path / SUMMARY))
             except KeyboardInterrupt:
                 stopped = True  # raised at the end of the block: the files are whole
             if not stopped:
                 try:
-                    undrawn, refused = self._draw(staging.path, crew)
+                    undrawn, refused = self._draw(staging.path, pool)
                     drawn = True
                 except KeyboardInterrupt:
-                    crew.stop()
+                    pool.stop()
                     for path in staging.path.iterdir():
                         if path.suffix[1:] in FORMATS:
                             path.unlink()
@@ -259,7 +259,7 @@ class _Run:
         missing = [(kind, name) for kind, name in studies_of(self.deck)
                    if name not in found.studies[kind]]
         return Outcome(folder, interrupted=not drawn, failed=found.failed(), undrawn=undrawn,
-                       refused=refused, findings=told, notes=tuple(self.notes),
+                       refused=refused, findings=findings, notes=tuple(self.notes),
                        headlines=headlines(found.studies, missing))
 
     def _write(self, found: Found, folder: Path) -> dict[str, str]:
@@ -293,7 +293,7 @@ class _Run:
 
         self.notes += [f"{self.deck.title}: {text.replace('**', '')}" for text in warnings(attrs)]
 
-    def _draw(self, folder: Path, crew: Crew) -> tuple[dict[str, str], bool]:
+    def _draw(self, folder: Path, pool: DrawingPool) -> tuple[dict[str, str], bool]:
         """Figures, from the file alone; those not drawn, and whether disk or memory is why."""
         from lapwing.plots import FigureError, draw_all
         from lapwing.results import read_results
@@ -303,7 +303,7 @@ class _Run:
         done = self.report("figures", 100, "%")
         with read_results(folder / RESULT_FILE, check=False) as results:
             try:
-                draw_all(results, folder, formats=self.formats, progress=done, crew=crew)
+                draw_all(results, folder, formats=self.formats, progress=done, pool=pool)
             except FigureError as error:
                 if error.of_surroundings and self.there.complete:  # which lack nothing: they stay
                     probe(folder)
@@ -357,7 +357,7 @@ def plot_file(path: Path, folder: Path | None = None, threads: int = 1,
         while a run writes into the folder.
     """
     from lapwing.plots import FigureError, draw_all
-    from lapwing.plots.crew import Crew
+    from lapwing.plots.pool import DrawingPool
     from lapwing.results import read_results
 
     path = Path(path)
@@ -370,9 +370,9 @@ def plot_file(path: Path, folder: Path | None = None, threads: int = 1,
         aside.mkdir()
         failures, of_surroundings = {}, False
         try:
-            with Crew(threads) as crew:
+            with DrawingPool(threads) as pool:
                 try:
-                    draw_all(results, aside, progress=done, crew=crew)
+                    draw_all(results, aside, progress=done, pool=pool)
                 except FigureError as error:
                     failures, of_surroundings = error.failures, error.of_surroundings
             names = sorted(one.name for one in aside.iterdir())

@@ -19,7 +19,7 @@ import lapwing
 from helpers import PAIR, SHIPPED
 from lapwing import MotionState, Status
 from lapwing.base.codes import SearchStage
-from lapwing.report.answers.findings import findings, findings_lines, on_console, told_in
+from lapwing.report.answers.findings import findings, findings_in, findings_lines, on_console
 from lapwing.report.answers.limits import at_least, at_most, bands
 
 SWEEPS = ("torque", "compliant", "rigid", "one_branch", "single", "negative", "engaged", "speed")
@@ -236,8 +236,8 @@ def test_bands_are_told():
 def test_the_console_says_what_the_summary_says(sweeps):
     said = told(sweeps=[sweeps["torque"]])
     summary = "\n".join(["# case", "", *findings_lines(said), "", "25 × 32 teeth"])
-    assert told_in(summary) == tuple(said)
-    assert told_in("# case\n\nNo findings") == ()
+    assert findings_in(summary) == tuple(said)
+    assert findings_in("# case\n\nNo findings") == ()
     shown = on_console(said)
     assert max(map(len, shown.splitlines())) <= 100 and "**" not in shown
     assert re.sub(r"\s+", " ", shown).count(" - ") == len(said)

@@ -10,7 +10,7 @@ from partial_data import DAMAGES, interrupted
 
 from lapwing import Status, plots
 from lapwing.plots.sweep import orbit_diagram
-from lapwing.report.headlines import headlines
+from lapwing.report.summary import headlines
 from lapwing.report.sweep import sweep_text
 
 PAIR = {"natural_frequency": 8304.69, "pinion_base_lever": 0.034, "backlash": 0.002}

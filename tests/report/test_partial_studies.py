@@ -18,8 +18,8 @@ from partial_studies import (
 
 from lapwing import plots
 from lapwing.report.critical import critical_table, critical_text, headline
-from lapwing.report.headlines import headlines
 from lapwing.report.response import _legend, _paragraph, _table
+from lapwing.report.summary import headlines
 
 GEAR = {"natural_frequency": 8304.69, "pinion_base_lever": 0.034, "backlash": 0.002,
         "mesh_stiffness": 3.12e8}

@@ -34,7 +34,7 @@ class Study:
     keys : str, module and class of its keys
     study, report : str, modules
     figures : tuple of str, modules below `lapwing.plots`, in reading order
-    turn, told : int, its place when the studies of a deck are carried out, and in the summary
+    turn, place : int, its place when the studies of a deck are carried out, and in the summary
     side_by_side : bool, whether several are carried out at once, each by one thread
     """
 
@@ -45,7 +45,7 @@ class Study:
     report: str
     figures: tuple[str, ...]
     turn: int
-    told: int
+    place: int
     side_by_side: bool = False
 
     def part(self, name: str) -> Any:
@@ -60,16 +60,16 @@ STUDIES = {study.kind: study for study in (
     Study("response", "response", "deck.keys.response:ResponseKeys", "studies.response.study",
           "report.response",
           ("response.history", "response.phase_portrait", "response.impact_section",
-           "response.spectrum", "response.shaft_motion"), turn=1, told=3, side_by_side=True),
+           "response.spectrum", "response.shaft_motion"), turn=1, place=3, side_by_side=True),
     Study("sweep", "sweep", "deck.keys.sweep:SweepKeys", "studies.sweep.study", "report.sweep",
           ("sweep.orbit_diagram", "sweep.deepest_separation", "sweep.staircase",
            "sweep.amplitudes", "sweep.exponents", "sweep.impact_speed_density",
-           "sweep.waterfall"), turn=3, told=2),
+           "sweep.waterfall"), turn=3, place=2),
     Study("critical", "critical value", "deck.keys.critical:CriticalKeys",
           "studies.critical.study", "report.critical", ("critical_search", "fit_orders"), turn=2,
-          told=1),
+          place=1),
     Study("map", "map", "deck.keys.map:MapKeys", "studies.map.study", "report.map.text",
-          ("map.map_classes", "map.map_depth", "map.map_arrivals"), turn=4, told=4))}
+          ("map.map_classes", "map.map_depth", "map.map_arrivals"), turn=4, place=4))}
 
 
 def give_accessor() -> None:
@@ -82,6 +82,6 @@ def carried_out() -> list[Study]:
     return sorted(STUDIES.values(), key=lambda study: study.turn)
 
 
-def told() -> list[Study]:
+def summarised() -> list[Study]:
     """The studies in the order of the summary."""
-    return sorted(STUDIES.values(), key=lambda study: study.told)
+    return sorted(STUDIES.values(), key=lambda study: study.place)

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-    from lapwing.plots.crew import Crew
     from lapwing.plots.critical_marks import Mark
+    from lapwing.plots.pool import DrawingPool
     from lapwing.plots.sweep.parts import Claim
     from lapwing.results.file import Results
 
@@ -99,7 +99,8 @@ def shows(module: str, dataset: xr.Dataset) -> bool:
 
 
 def draw_all(results: Any, folder: Any, *, formats: tuple[str, ...] = FORMATS,
-             progress: Callable[..., Any] | None = None, crew: Crew | None = None) -> list[Path]:
+             progress: Callable[..., Any] | None = None,
+             pool: DrawingPool | None = None) -> list[Path]:
     """Draw every figure of a result file.
 
     Parameters
@@ -109,7 +110,7 @@ def draw_all(results: Any, folder: Any, *, formats: tuple[str, ...] = FORMATS,
     folder : str or Path, made if it is missing
     formats : of 'png' and 'pdf'
     progress : callable(fraction done) or None
-    crew : lapwing.plots.crew.Crew or None, processes to share the work, which read the file
+    pool : lapwing.plots.pool.DrawingPool or None, processes to share the work, which read the file
         `results.path` themselves; the figures are the same, bit by bit
 
     Returns
@@ -127,7 +128,7 @@ def draw_all(results: Any, folder: Any, *, formats: tuple[str, ...] = FORMATS,
     folder.mkdir(parents=True, exist_ok=True)
     tasks = tasks_of(results)
     outcomes = {}
-    for task, problem in (crew.draw(results.path, tasks, folder, formats) if crew else
+    for task, problem in (pool.draw(results.path, tasks, folder, formats) if pool else
                           ((task, attempt(results, task, folder, formats)) for task in tasks)):
         outcomes[task] = problem
         if progress is not None:

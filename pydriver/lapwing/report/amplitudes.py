@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 # Of what the greatest is told: variable, words, factor, unit.
-TOLD = (("dynamic_te_rms", "rms of the dynamic transmission error", 1e6, "µrad"),
+NUMBERS = (("dynamic_te_rms", "rms of the dynamic transmission error", 1e6, "µrad"),
         ("phi_rms", "rms of φ", 1e6, "µrad"),
         ("mesh_force_peak", "mesh force of spring and damper", 1.0, "N"))
 
@@ -31,8 +31,8 @@ def amplitude_lines(sweep: xr.Dataset, unit: str) -> list[str]:
     """
     if "dynamic_te_rms" not in sweep:
         return []
-    lines = [f"- greatest {words}: {told}" for name, words, factor, of in TOLD
-             if (told := greatest(sweep, name, factor, of, unit))]
+    lines = [f"- greatest {words}: {words_of}" for name, words, factor, of in NUMBERS
+             if (words_of := greatest(sweep, name, factor, of, unit))]
     return lines + [f"- mean mesh force: {span}" for span in _mean(sweep)]
 
 

@@ -159,16 +159,16 @@ def _paragraph(attrs: dict[str, Any]) -> str:
     elif _on_coast_flank(attrs):
         sentences.append("The coast flanks never part; the drive flanks never touch.")
     else:
-        two_flanks, told = math.isfinite(attrs["gap_width"]), arrivals_in(attrs).threshold
+        two_flanks, threshold = math.isfinite(attrs["gap_width"]), arrivals_in(attrs).threshold
         width = f" of {1e6 * attrs['gap_width']:g} µrad" * two_flanks
         parts = [f"strike {_times(attrs, '')} per cycle"
-                 + f" ({attrs['resolved_impacts_per_cycle']:g} counting every bounce)" * told]
+                 + f" ({attrs['resolved_impacts_per_cycle']:g} counting every bounce)" * threshold]
         parts += [f"the coast flanks {_times(attrs, 'back_')}"] * two_flanks
         sentences.append("The drive flanks part by up to "
                          f"{value_words(attrs, 'deepest_separation', 1e6)} µrad{width} and "
                          + ", ".join(parts) + "."
                          + " There are no coast flanks." * (not two_flanks))
-        words = [_energy_sentence(attrs)] * told
+        words = [_energy_sentence(attrs)] * threshold
         sentences += [*words, *_impact_words(attrs)]
         if attrs["deepest_back_penetration"] > 0:
             sentences.append("The coast flank is pressed in by up to "

@@ -1,11 +1,11 @@
-"""What a run found, in words and tables (Markdown), from the result file alone."""
+"""What a run found, in words and tables (Markdown), and in a line for each study."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from lapwing.base.registry import told
+from lapwing.base.registry import carried_out, summarised
 from lapwing.report.answers.findings import findings, findings_lines
 from lapwing.report.measured import curve_sentences
 
@@ -30,7 +30,7 @@ def summary_text(results: Results) -> str:
         response, provenance.
     """
     found = {study: [results.study(study.kind, name) for name in results.studies[study.kind]]
-             for study in told()}
+             for study in summarised()}
     lines = [f"# {results.attrs['deck_name']}", "",
              *findings_lines(findings(*studies_in(results), results.missing, _maps(results))), "",
              *_gear(results)]
@@ -41,6 +41,23 @@ def summary_text(results: Results) -> str:
         lines += study.part("report").section(datasets, results) if datasets else []
     lines += _missing(results)
     return "\n".join([*lines, "", "## Provenance", "", *_provenance(results)]) + "\n"
+
+
+def headlines(found: dict[str, dict[str, xr.Dataset]], missing: Any = ()) -> tuple[str, ...]:
+    """One line for each study.
+
+    Parameters
+    ----------
+    found : dict of kind -> dict of name -> Dataset
+    missing : sequence of (kind, name), studies of the deck without a result
+
+    Returns
+    -------
+    tuple of str
+    """
+    return (*(f"{name}: {study.part('report').headline(dataset)}" for study in carried_out()
+              for name, dataset in found.get(study.kind, {}).items()),
+            *(f"{name}: not finished, no result" for _, name in missing))
 
 
 def studies_in(results: Results) -> tuple[list[xr.Dataset], list[xr.Dataset], list[xr.Dataset]]:

@@ -61,11 +61,11 @@ class Manifest:
     replaced: list[str] = field(default_factory=list)
 
     @classmethod
-    def of(cls, folder: Path, **told: Any) -> Manifest:
+    def of(cls, folder: Path, **facts: Any) -> Manifest:
         """List the files of a folder, which holds nothing else."""
         files = {path.name: {"size": path.stat().st_size, "sha256": sha256_of(path)}
                  for path in sorted(folder.iterdir()) if path.name not in (MANIFEST, MAKING)}
-        return cls(files=files, **told)
+        return cls(files=files, **facts)
 
     @classmethod
     def read(cls, folder: str | Path) -> Manifest | None:

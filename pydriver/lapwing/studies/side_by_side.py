@@ -5,8 +5,11 @@ from __future__ import annotations
 import ctypes
 import threading
 from collections.abc import Callable
-from queue import Empty, SimpleQueue
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from typing import Any
+
+# Seconds between two looks at the signals heard.
+LISTEN = 0.1
 
 
 def side_by_side(function: Callable[..., Any], items: Any, threads: int,
@@ -32,55 +35,46 @@ def side_by_side(function: Callable[..., Any], items: Any, threads: int,
     Exception
         the first that a call raised; the others are given up.
     """
-    waiting: SimpleQueue[Any] = SimpleQueue()
     results: dict[int, Any] = {}
-    errors: list[BaseException] = []
-    stop, lock = threading.Event(), threading.Lock()
-    for place in range(len(items)):
-        waiting.put(place)
+    running: set[int] = set()
+    lock = threading.Lock()
 
-    def work() -> None:
-        while not stop.is_set():
-            try:
-                place = waiting.get_nowait()
-            except Empty:
-                return
-            result = function(items[place])
-            with lock:
-                results[place] = result
-                done(len(results) / len(items))
-
-    def help_out() -> None:
+    def call(place: int) -> Any:
+        with lock:
+            running.add(threading.get_ident())
         try:
-            work()
+            return function(items[place])
+        finally:
+            with lock:
+                running.discard(threading.get_ident())
+
+    complete = False
+    with ThreadPoolExecutor(max(1, min(threads, len(items)))) as pool:
+        places = {pool.submit(call, place): place for place in range(len(items))}
+        waiting = set(places)
+        try:
+            while waiting:
+                # Not for ever: a signal that another thread hears wakes no one.
+                ended, waiting = wait(waiting, LISTEN, FIRST_COMPLETED)
+                for future in ended:
+                    results[places[future]] = future.result()
+                    done(len(results) / len(items))
+            complete = True
         except KeyboardInterrupt:
-            pass  # handed on
-        except Exception as error:
-            errors.append(error)
-            stop.set()
-
-    helpers = [threading.Thread(target=help_out) for _ in range(min(threads, len(items)) - 1)]
-    try:
-        for helper in helpers:
-            helper.start()
-        work()
-        for helper in helpers:
-            helper.join()
-    except BaseException as error:
-        stop.set()
-        for helper in helpers:
-            _interrupt(helper)
-        if not isinstance(error, KeyboardInterrupt):
-            raise
-        return results, False
-    if errors:
-        raise errors[0]
-    return results, True
+            pass
+        finally:
+            if not complete:
+                pool.shutdown(wait=False, cancel_futures=True)
+                with lock:
+                    for ident in running:
+                        _interrupt(ident)
+    for future in places:
+        if not future.cancelled() and future.exception() is None:
+            results[places[future]] = future.result()
+    return results, complete
 
 
-def _interrupt(thread: Any) -> None:
-    """Hand Ctrl-C, which only the main thread hears, on to another, and wait for its end."""
-    if thread.is_alive():
-        ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident),
-                                                   ctypes.py_object(KeyboardInterrupt))
-        thread.join()
+def _interrupt(ident: int) -> None:
+    """Hand Ctrl-C, which only the main thread hears, on to another thread."""
+    ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(ident),
+                                               ctypes.py_object(KeyboardInterrupt))

@@ -59,7 +59,7 @@ def findings_lines(found: list[str]) -> list[str]:
     return [HEADING, "", *(f"- {sentence}" for sentence in found)]
 
 
-def told_in(summary: str) -> tuple[str, ...]:
+def findings_in(summary: str) -> tuple[str, ...]:
     """The sentences of the findings of a summary, as `findings` gave them; none where it has none.
 
     Parameters

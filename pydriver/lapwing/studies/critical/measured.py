@@ -190,8 +190,8 @@ def with_repeats(found: xr.Dataset, deck: Deck, study: Asked, search: Callable[.
         return found
     values = np.full(many, np.nan)
     for i, te in enumerate(deck.curve.repeats(many)):
-        told = done and (lambda fraction, i=i: done((1 + i + fraction) / (1 + many)))
-        values[i] = search(te, told).attrs["estimate"]
+        part = done and (lambda fraction, i=i: done((1 + i + fraction) / (1 + many)))
+        values[i] = search(te, part).attrs["estimate"]
     low, high = repeat_interval(found.attrs["estimate"], values)
     bar = found.attrs["bar"]  # what lies within a bracket is not told apart
     return _described(found.assign(repeat_value=("repeat", values)).assign_attrs(

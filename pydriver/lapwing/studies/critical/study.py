@@ -72,8 +72,8 @@ def critical_study(deck: Deck, study: Asked, threads: int,
     if study.find in ("full", "on"):
         return measured.with_interval(found, deck, study)
     if study.find == "safe":
-        return measured.with_repeats(found, deck, study, lambda te, told: find(
-            deck.gear_pair, te, **{**options, "progress": told}), done)
+        return measured.with_repeats(found, deck, study, lambda te, progress: find(
+            deck.gear_pair, te, **{**options, "progress": progress}), done)
     return found
 
 

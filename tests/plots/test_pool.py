@@ -12,7 +12,7 @@ import pytest
 from plot_data import make_results
 
 from lapwing import plots
-from lapwing.plots.crew import Crew
+from lapwing.plots.pool import DrawingPool
 from lapwing.results import read_results
 
 FORMATS = ("png", "pdf")
@@ -20,7 +20,7 @@ FORMATS = ("png", "pdf")
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("crew")
+    folder = tmp_path_factory.mktemp("pool")
     make_results(folder, responses=("periodic", "engaged"), sweeps={}, criticals={}).close()
     return folder / "result.nc"
 
@@ -49,17 +49,17 @@ def same_files(ones, others):
 
 def test_two_processes_draw_the_same_files(file, alone, tmp_path):
     shares = []
-    with read_results(file) as results, Crew(2) as crew:
-        written = plots.draw_all(results, tmp_path, crew=crew, progress=shares.append)
+    with read_results(file) as results, DrawingPool(2) as pool:
+        written = plots.draw_all(results, tmp_path, pool=pool, progress=shares.append)
     same_files(alone, written)
     assert shares == sorted(shares) and shares[-1] == 1 and len(shares) == len(alone) / 2
 
 
 def test_a_crew_of_one_is_the_caller(file, tmp_path):
-    assert not Crew(1)
-    with Crew(2) as crew:
-        assert crew
-        assert not crew._workers  # none before there is something to draw
+    assert not DrawingPool(1)
+    with DrawingPool(2) as pool:
+        assert pool
+        assert not pool._workers  # none before there is something to draw
 
 
 @pytest.mark.parametrize("size", [1, 2])
@@ -68,19 +68,19 @@ def test_a_figure_that_fails_is_named_and_the_others_are_drawn(file, alone, tmp_
     shutil.copy(file, damaged)
     with netCDF4.Dataset(damaged, "a") as dataset:
         dataset["transmission_error"].renameVariable("kinks", "lost")
-    with read_results(damaged, check=False) as results, Crew(size) as crew:
+    with read_results(damaged, check=False) as results, DrawingPool(size) as pool:
         with pytest.raises(plots.FigureError, match=r"figure te_curve: KeyError: .*kinks") as error:
-            plots.draw_all(results, tmp_path, crew=crew)
+            plots.draw_all(results, tmp_path, pool=pool)
     assert set(error.value.failures) == {"te_curve"}
     same_files([one for one in alone if one.stem != "te_curve"], error.value.written)
 
 
 def test_a_process_that_dies_takes_one_figure_with_it(file, alone, tmp_path):
-    with read_results(file) as results, Crew(2) as crew:
+    with read_results(file) as results, DrawingPool(2) as pool:
         tasks = plots.tasks_of(results)
-        outcomes = crew.draw(results.path, tasks, tmp_path, FORMATS)
+        outcomes = pool.draw(results.path, tasks, tmp_path, FORMATS)
         found = dict([next(outcomes)])
-        busy = next(process for process in crew._workers.values())
+        busy = next(process for process in pool._workers.values())
         os.kill(busy.pid, signal.SIGKILL)
         found |= dict(outcomes)
     assert set(found) == set(tasks)
@@ -92,11 +92,11 @@ def test_a_process_that_dies_takes_one_figure_with_it(file, alone, tmp_path):
 
 
 def test_a_crew_without_processes_says_so(file, tmp_path):
-    with read_results(file) as results, Crew(2) as crew:
+    with read_results(file) as results, DrawingPool(2) as pool:
         tasks = plots.tasks_of(results)
-        outcomes = crew.draw(results.path, tasks, tmp_path, FORMATS)
+        outcomes = pool.draw(results.path, tasks, tmp_path, FORMATS)
         found = dict([next(outcomes)])
-        for process in crew._workers.values():
+        for process in pool._workers.values():
             process.kill()
         found |= dict(outcomes)
     assert set(found) == set(tasks)
@@ -107,11 +107,11 @@ def test_a_script_needs_no_guard(file, tmp_path):
     """The processes do not run it again."""
     script = tmp_path / "script.py"
     script.write_text(
-        "from lapwing import plots\nfrom lapwing.plots.crew import Crew\n"
+        "from lapwing import plots\nfrom lapwing.plots.pool import DrawingPool\n"
         "from lapwing.results import read_results\nprint('once')\n"
         "plots.FIGURES['response'] = ('response.impact_section',)\n"
-        f"with read_results({str(file)!r}) as results, Crew(2) as crew:\n"
-        f"    plots.draw_all(results, {str(tmp_path)!r}, formats=('png',), crew=crew)\n",
+        f"with read_results({str(file)!r}) as results, DrawingPool(2) as pool:\n"
+        f"    plots.draw_all(results, {str(tmp_path)!r}, formats=('png',), pool=pool)\n",
         encoding="utf-8")
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == ("once\n", "")
@@ -121,15 +121,15 @@ DRAWS = """
 import sys
 from lapwing import plots
 from lapwing.base import signals
-from lapwing.plots.crew import Crew
+from lapwing.plots.pool import DrawingPool
 from lapwing.results import read_results
 plots.FIGURES["response"] = ("response.impact_section", "response.history")
 with signals.listen():
     try:
-        with read_results({file!r}) as results, Crew(2) as crew:
+        with read_results({file!r}) as results, DrawingPool(2) as pool:
             while True:
-                plots.draw_all(results, {folder!r}, crew=crew, progress=lambda share: print(
-                    *(process.pid for process in crew._workers.values()), flush=True))
+                plots.draw_all(results, {folder!r}, pool=pool, progress=lambda share: print(
+                    *(process.pid for process in pool._workers.values()), flush=True))
     except KeyboardInterrupt:
         sys.exit(130)
 """

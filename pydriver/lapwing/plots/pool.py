@@ -29,11 +29,11 @@ PRELOAD = ("netCDF4", "xarray", "matplotlib.figure", "matplotlib.backends.backen
            "matplotlib.backends.backend_pdf", "PIL.PngImagePlugin", "lapwing.results")
 
 
-class Crew:
+class DrawingPool:
     """Drawing processes, begun as they are needed; what they need is loaded meanwhile.
 
     Each draws one figure at a time and waits for the next.  Ctrl-C is the caller's matter: they
-    end when it closes the crew, or is gone.  Use it in a `with` statement.
+    end when it closes the pool, or is gone.  Use it in a `with` statement.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class Crew:
     def __bool__(self) -> bool:
         return self._size > 0
 
-    def __enter__(self) -> Crew:
+    def __enter__(self) -> DrawingPool:
         return self
 
     def __exit__(self, kind: type | None, *_: Any) -> None:
