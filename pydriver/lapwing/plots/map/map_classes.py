@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-# Colour of each kind, in the order of `results.findings.KINDS`: greys keep contact, blue and green are
-# periodic, orange and red strike the coast flank too, purples have no period.
+# Colour of each kind, in the order of `results.findings.KINDS`: greys keep contact, blue and green
+# are periodic, orange and red strike the coast flank too, purples have no period.
 COLOURS = ("0.93", "0.78", style.SKY, style.BLUE, style.GREEN, "#00584A", style.ORANGE,
            style.VERMILION, style.PURPLE, "#6B2A57")
 
