@@ -51,3 +51,21 @@ def test_the_motion_of_the_curve_itself_is_that_of_the_response():
     assert motion.motion_class == data.attrs["motion_class"] and "repeat_class" not in data
     assert np.array_equal([motion.impacts_per_cycle, motion.deepest_separation],
                           [data.attrs["impacts_per_cycle"], data.attrs["deepest_separation"]])
+
+
+def test_a_curve_beyond_a_standing_coast_flank_has_no_motion(tmp_path):
+    """Noise takes some of the other curves there; the deck's own stays clear."""
+    text = DECK.read_text(encoding="utf-8") + "&scene back_flank_te = .false. /\n"
+    for name in ("measured.nml", *(path.name for path in DECK.parent.glob("*.csv"))):
+        (tmp_path / name).write_bytes((DECK.parent / name).read_bytes())
+    (tmp_path / "measured.nml").write_text(text, encoding="utf-8")
+    clear = load_deck(tmp_path / "measured.nml")
+    osc = clear.gear_pair.oscillator(clear.te, **clear.responses[0].operation)
+    # So that the deck's own curve has a millionth of its gap left.
+    backlash = clear.gear_pair.backlash * -osc.flank_extrema[0] / osc.gap_width * (1 + 1e-6)
+    deck = alone(load_deck(tmp_path / "measured.nml", [("gear_pair.backlash", repr(backlash))]))
+    data = compute(deck, 1, silent).studies["response"]["a"]
+    lost = data["repeat_class"].values == "failed"
+    assert 0 < lost.sum() < 40
+    assert np.array_equal(np.isnan(data["repeat_impacts_per_cycle"].values), lost)
+    assert np.isnan(data.attrs["impacts_per_cycle_low"])

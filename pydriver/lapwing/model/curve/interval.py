@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from lapwing.model.linear_response import CriticalForce
     from lapwing.model.oscillator import Oscillator
     from lapwing.model.rigid_contact import LiftOff
+    from lapwing.model.transmission_error.table import TransmissionError
 
 CONFIDENCE = 0.95
 DRAWS = 999
@@ -75,13 +76,13 @@ def force_bounds(osc: Oscillator, fit: CurveFit, confidence: float = CONFIDENCE,
     ValueError
         As `engaged_response`.
     """
-    force, phase, *reason = needed_force(replace(osc, te=fit.te))
+    force, phase, *reason = needed_force(on_curve(osc, fit.te))
     if any(reason):
         return ForceBounds(math.inf, math.inf, math.inf, phase)
     if fit.noise == 0:
         return ForceBounds(force, force, force, phase)
     responses = _responses(osc, fit.kinks, fit.wide.order)
-    wide = force if fit.method == "harmonics" else needed_force(replace(osc, te=fit.te_wide))[0]
+    wide = force if fit.method == "harmonics" else needed_force(on_curve(osc, fit.te_wide))[0]
     low, _, high = _bounds(fit, responses, confidence, draws, wide)
     return ForceBounds(max(min(low, force), 0.0), force, max(high, force), phase)
 
@@ -138,6 +139,15 @@ def needed_force(osc: Oscillator) -> CriticalForce | LiftOff:
     return lift_off_force(osc) if osc.contact_law == "rigid" else critical_force(osc)
 
 
+def on_curve(osc: Oscillator, te: TransmissionError) -> Oscillator:
+    """An oscillator on another curve, for what the engaged motion alone decides.
+
+    The coast flank takes no part in it, and one that stands still would refuse a curve so wide that
+    it comes to lie beyond.
+    """
+    return replace(osc, te=te, back_flank_te=True)
+
+
 def _responses(osc: Oscillator, kinks: NDArray[Any], order: int) -> NDArray[Any]:
     """Response to each coefficient of a fit at all phases, (n, p); contact needs F > -minimum."""
     ratio = osc.mesh_frequency_ratio
@@ -158,7 +168,7 @@ def _responses(osc: Oscillator, kinks: NDArray[Any], order: int) -> NDArray[Any]
 def _kink_response(osc: Oscillator, at: float, phase: NDArray[Any]) -> NDArray[Any]:
     """Response to a parabola whose slope jumps by 1 rad per mesh period at a phase."""
     unit = curve_of(np.array([0.0, 1.0]), [at], 0)
-    response = engaged_response(replace(osc, te=unit))
+    response = engaged_response(on_curve(osc, unit))
     return response.penetration(phase) - osc.force
 
 
@@ -200,8 +210,8 @@ def share_of_high_orders(osc: Oscillator, fit: CurveFit) -> tuple[float, int]:
     above = math.ceil(_LOWER * fit.order)
     if fit.order < _FEWEST:
         return math.nan, fit.order
-    force = needed_force(replace(osc, te=fit.te))[0]
-    without = needed_force(replace(osc, te=fit.without_orders_above(above)))[0]
+    force = needed_force(on_curve(osc, fit.te))[0]
+    without = needed_force(on_curve(osc, fit.without_orders_above(above)))[0]
     if not math.isfinite(force) or force == 0:
         return math.nan, above
     return abs(force - without) / abs(force), above
@@ -220,10 +230,11 @@ def repeat_interval(estimate: float, repeats: NDArray[Any]) -> tuple[float, floa
 
     Returns
     -------
-    low, high : float; NaN where fewer than half of the repeats found something
+    low, high : float; NaN where more than one in 20 repeats found nothing: what is beyond the
+        range searched, or failed, would be left out of a 95 % range
     """
     found = repeats[np.isfinite(repeats)]
-    if not math.isfinite(estimate) or 2 * found.size < max(repeats.size, 1):
+    if not math.isfinite(estimate) or found.size < max(CONFIDENCE * repeats.size, 1):
         return math.nan, math.nan
     side = (1 - CONFIDENCE) / 2
     low, high = np.quantile(found, [side, 1 - side], method="weibull")

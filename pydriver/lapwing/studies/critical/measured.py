@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,10 +18,12 @@ from lapwing.model.curve.interval import (
     force_bounds,
     forces_by_order,
     needed_force,
+    on_curve,
     repeat_interval,
     share_of_high_orders,
 )
 from lapwing.model.linear_response import CriticalForce
+from lapwing.model.oscillator import ParameterError
 from lapwing.studies.critical.run import TORQUES, of_force
 from lapwing.studies.sweep.varied import oscillator_at
 
@@ -117,7 +119,7 @@ def raw_share(osc: Oscillator, phase: NDArray[Any], value: NDArray[Any],
         smooth = fit_curve(phase, value, kinks).te
     except ValueError:  # too few samples, or too uneven
         return math.nan
-    without = needed_force(replace(osc, te=smooth))[0]
+    without = needed_force(on_curve(osc, smooth))[0]
     known = math.isfinite(force) and math.isfinite(without) and force != 0
     return abs(force - without) / abs(force) if known else math.nan
 
@@ -181,7 +183,8 @@ def with_repeats(found: xr.Dataset, deck: Deck, study: Asked, search: Callable[.
 
     Returns
     -------
-    xarray.Dataset with repeat_value over `repeat` (NaN: none found in the range) and the
+    xarray.Dataset with repeat_value over `repeat` (NaN: none found in the range, or no
+    motion on this curve) and the
     attributes low and high, `interval.repeat_interval` and half a bracket on either side; as it was
     where there are no repeats
     """
@@ -191,7 +194,8 @@ def with_repeats(found: xr.Dataset, deck: Deck, study: Asked, search: Callable[.
     values = np.full(many, np.nan)
     for i, te in enumerate(deck.curve.repeats(many)):
         part = done and (lambda fraction, i=i: done((1 + i + fraction) / (1 + many)))
-        values[i] = search(te, part).attrs["estimate"]
+        with contextlib.suppress(ParameterError):  # a curve beyond a coast flank that stands still
+            values[i] = search(te, part).attrs["estimate"]
     low, high = repeat_interval(found.attrs["estimate"], values)
     bar = found.attrs["bar"]  # what lies within a bracket is not told apart
     return _described(found.assign(repeat_value=("repeat", values)).assign_attrs(

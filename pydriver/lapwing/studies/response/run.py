@@ -172,13 +172,13 @@ class Motion(NamedTuple):
 
     Attributes
     ----------
-    status : Status
+    status : Status, None where there was no run
     motion_class : str
     impacts_per_cycle : float
     deepest_separation : float, rad
     """
 
-    status: Status
+    status: Status | None
     motion_class: str
     impacts_per_cycle: float
     deepest_separation: float
