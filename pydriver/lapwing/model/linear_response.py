@@ -139,6 +139,10 @@ def engaged_response(osc: Oscillator) -> EngagedResponse:
 def critical_force(osc: Oscillator) -> CriticalForce:
     """Smallest force of complete engagement, F_crit = -min h, whatever force `osc` has.
 
+    Parameters
+    ----------
+    osc : Oscillator; its own force is not used
+
     Returns
     -------
     CriticalForce
@@ -156,6 +160,14 @@ def critical_force(osc: Oscillator) -> CriticalForce:
 
 def critical_torque(osc: Oscillator) -> tuple[float, float]:
     """Smallest brake torque (N·m, drive torque in balance) of complete engagement, and phase.
+
+    Parameters
+    ----------
+    osc : Oscillator made from a GearPair; its own force is not used
+
+    Returns
+    -------
+    (float, float), N·m and mesh periods
 
     Raises
     ------

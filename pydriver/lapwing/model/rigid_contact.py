@@ -47,6 +47,11 @@ def lift_off_force(osc: Oscillator) -> LiftOff:
     Returns
     -------
     LiftOff
+
+    Raises
+    ------
+    TypeError
+        where `osc` is none.
     """
     arguments.instance("osc", osc, Oscillator)
     jumps = osc.flank_scale * osc.te.slope_jumps()

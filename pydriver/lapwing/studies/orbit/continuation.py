@@ -162,6 +162,16 @@ def cascade(make: Callable[..., Any], low: float, high: float,
        Steps are expected to shrink by Feigenbaum's 4.669; the first is taken as a quarter of
        `high` less the doubling itself.
 
+    Parameters
+    ----------
+    make : callable(value) giving an Oscillator
+    low, high : float, values of the parameter on either side of the first doubling
+    start : (motion_state, phi, phi_dot) near the motion at `low`, rad and rad per τ
+    doublings : int, how many are looked for, 1 to 100
+    cycles : int, mesh cycles after which the motion at `low` repeats
+    settle : int, repetitions followed before a doubled motion is polished
+    numerics : Numerics
+
     Returns
     -------
     list of (float, Orbit); shorter than `doublings` where the cascade is lost

@@ -89,6 +89,13 @@ def settled_state(osc: Oscillator, cycles: int, start: Any = "rest", *,
                   numerics: Numerics = NUMERICS) -> tuple[MotionState, float, float]:
     """State at phase 0 after so many mesh cycles.
 
+    Parameters
+    ----------
+    osc : Oscillator
+    cycles : int, >= 1
+    start : 'rest' or (motion_state, phi, phi_dot) at phase 0, rad and rad per τ
+    numerics : Numerics
+
     Returns
     -------
     (motion_state, phi, phi_dot)
