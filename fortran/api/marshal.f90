@@ -171,7 +171,7 @@ contains
     real(c_double), intent(inout), target, contiguous :: tangent(:, :)      !! see `api`
     real(c_double), intent(out) :: done(8)                          !! how far it came
     class(oscillator_t), allocatable, target :: system
-    class(flow_t), allocatable :: flow
+    class(flow_t), allocatable, target :: flow
     type(flank_data_t) :: data
     type(numerics_t) :: numerics
     type(hybrid_state_t) :: state

@@ -52,7 +52,7 @@ module lapwing_flank
       import :: flank_t, wp
       implicit none
       class(flank_t), intent(in) :: self
-      integer, intent(in) :: piece                    !! piece
+      integer, intent(in) :: piece
       real(wp), intent(in) :: from, width             !! interval, from the piece's knot
       real(wp), intent(out) :: low, high              !! bounds
     end subroutine range_i

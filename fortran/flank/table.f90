@@ -107,7 +107,7 @@ contains
   !> Bounds of g by the Bernstein coefficients of a part of a piece.
   pure subroutine range(self, piece, from, width, low, high)
     class(te_table_t), intent(in) :: self
-    integer, intent(in) :: piece           !! piece
+    integer, intent(in) :: piece
     real(wp), intent(in) :: from, width    !! part, from the knot
     real(wp), intent(out) :: low, high     !! bounds
     real(wp) :: c(0:max_degree)

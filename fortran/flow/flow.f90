@@ -72,7 +72,7 @@ module lapwing_flow
       import :: listener_t, instant_t
       implicit none
       class(listener_t), intent(inout) :: self
-      integer, intent(in) :: flank                  !! flank
+      integer, intent(in) :: flank
       type(instant_t), intent(in) :: instant        !! where the system is then
     end subroutine hear_i
 
@@ -121,7 +121,7 @@ module lapwing_flow
       class(flow_t), intent(in) :: self
       class(system_t), intent(in) :: system         !! what moves
       type(arc_t), intent(in) :: arc                !! an arc it moved along
-      integer, intent(in) :: flank                  !! flank
+      integer, intent(in) :: flank
       real(wp), intent(in) :: least                 !! value known already, rad
       real(wp), intent(out) :: largest              !! the larger of the two, rad
       type(work_t), intent(inout) :: work           !! counts

@@ -63,7 +63,7 @@ contains
   subroutine meet_flanks(system, numerics, state, segment, resolved)
     class(system_t), intent(in) :: system           !! what moves
     type(numerics_t), intent(in) :: numerics        !! tolerances
-    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(hybrid_state_t), intent(inout) :: state
     type(segment_t), intent(inout) :: segment       !! what happened
     logical, intent(out) :: resolved                !! whether the arc ended here
     real(wp) :: distance, approach
@@ -93,7 +93,7 @@ contains
   !> In contact at the beginning of an arc: release a tooth that stands at zero and leaves.
   subroutine keep_contact(system, state, segment, resolved)
     class(system_t), intent(in) :: system           !! what moves
-    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(hybrid_state_t), intent(inout) :: state
     type(segment_t), intent(inout) :: segment       !! what happened
     logical, intent(out) :: resolved                !! whether the arc ended here
     real(wp) :: distance, approach
@@ -116,7 +116,7 @@ contains
   subroutine sum_chatter(system, numerics, state, segment, flank, speed, resolved)
     class(system_t), intent(in) :: system           !! what moves
     type(numerics_t), intent(in) :: numerics        !! tolerances
-    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(hybrid_state_t), intent(inout) :: state
     type(segment_t), intent(inout) :: segment       !! what happened
     integer, intent(in) :: flank                    !! flank being bounced on
     real(wp), intent(in) :: speed                   !! speed after the last impact
@@ -138,7 +138,7 @@ contains
   subroutine follow(system, flow, state, segment)
     class(system_t), intent(in) :: system           !! what moves
     class(flow_t), intent(in) :: flow               !! may know when the tooth would be pulled
-    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(hybrid_state_t), intent(inout) :: state
     type(segment_t), intent(inout) :: segment       !! what happened
     type(frame_t) :: frame
     real(wp) :: pressing(0:max_degree), s
@@ -177,7 +177,7 @@ contains
     class(flow_t), intent(in) :: flow               !! how
     type(numerics_t), intent(in) :: numerics        !! tolerance
     logical, intent(in) :: opened                   !! whether the arc's frame is
-    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(hybrid_state_t), intent(inout) :: state
     type(segment_t), intent(inout) :: segment       !! what happened
     type(work_t), intent(inout) :: work             !! counts
     integer, intent(out) :: status                  !! status_*
@@ -208,7 +208,7 @@ contains
   !> A contact has come to zero: release, or, where it was only grazed from inside, the tooth stays.
   subroutine leave_or_stay(system, state, segment, flank, approach)
     class(system_t), intent(in) :: system           !! what moves
-    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(hybrid_state_t), intent(inout) :: state
     type(segment_t), intent(inout) :: segment       !! what happened
     integer, intent(in) :: flank                    !! flank in contact
     real(wp), intent(in) :: approach                !! approach velocity
@@ -222,7 +222,7 @@ contains
 
   !> Time at the end of an arc that ends between two knots.
   pure subroutine move_time(state, segment)
-    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(hybrid_state_t), intent(inout) :: state
     type(segment_t), intent(in) :: segment          !! arc
     state%instant%t = segment%begin%t + segment%length
     state%instant%touching = 0
@@ -232,7 +232,7 @@ contains
   !> moving flank; in rigid contact it is an impact or a release.
   subroutine pass_stop(system, state, segment)
     class(system_t), intent(in) :: system           !! what moves
-    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(hybrid_state_t), intent(inout) :: state
     type(segment_t), intent(inout) :: segment       !! what happened
     logical :: is_kink
     real(wp) :: jump, phi, phi_dot
@@ -264,7 +264,7 @@ contains
   !> Whether the tooth follows a flank that does not yield.
   pure logical function in_rigid_contact(system, state) result(rigid)
     class(system_t), intent(in) :: system           !! what moves
-    type(hybrid_state_t), intent(in) :: state       !! state
+    type(hybrid_state_t), intent(in) :: state
     rigid = state%instant%motion_state /= separation
     if (rigid) rigid = system%law%is_rigid()
   end function in_rigid_contact
@@ -273,7 +273,7 @@ contains
   subroutine check_bounds(system, numerics, state, n_events, status)
     class(system_t), intent(in) :: system           !! what moves
     type(numerics_t), intent(in) :: numerics        !! bounds
-    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(hybrid_state_t), intent(inout) :: state
     integer, intent(in) :: n_events                 !! events of the arc
     integer, intent(out) :: status                  !! status_*
     status = status_ok

@@ -22,7 +22,7 @@ contains
   !> A tooth in separation has arrived at a flank: the state is there, its approach undecided.
   subroutine arrive(system, state, segment, flank, flank_velocity)
     class(system_t), intent(in) :: system           !! what moves
-    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(hybrid_state_t), intent(inout) :: state
     type(segment_t), intent(inout) :: segment       !! what happened
     integer, intent(in) :: flank                    !! flank met
     real(wp), intent(in) :: flank_velocity          !! its own, where the law asks for it
@@ -55,7 +55,7 @@ contains
   !> if pressed, or leaves.
   subroutine rest_or_leave(system, state, segment, flank, after)
     class(system_t), intent(in) :: system           !! what moves
-    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(hybrid_state_t), intent(inout) :: state
     type(segment_t), intent(inout) :: segment       !! what happened
     integer, intent(in) :: flank                    !! flank met
     real(wp), intent(in) :: after                   !! approach velocity after the impact
@@ -78,7 +78,7 @@ contains
   !> where it turns away. The state is just past the kink.
   subroutine pass_kink_in_contact(system, state, segment)
     class(system_t), intent(in) :: system           !! what moves
-    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(hybrid_state_t), intent(inout) :: state
     type(segment_t), intent(inout) :: segment       !! what happened
     type(frame_t) :: frame
     real(wp) :: before, after, flank_velocity
@@ -105,10 +105,10 @@ contains
   !> Contact begins with an approach velocity of zero or more.
   subroutine begin_contact(system, state, segment, kind, flank, approach)
     class(system_t), intent(in) :: system           !! what moves
-    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(hybrid_state_t), intent(inout) :: state
     type(segment_t), intent(inout) :: segment       !! what happened
     integer, intent(in) :: kind                     !! event_engage or event_chatter_end
-    integer, intent(in) :: flank                    !! flank
+    integer, intent(in) :: flank
     real(wp), intent(in) :: approach                !! approach velocity
     call system%place_at_flank(flank, approach, state%instant%y)
     state%instant%motion_state = flank
@@ -119,7 +119,7 @@ contains
   !> Contact ends; no restitution applies.
   subroutine release(system, state, segment, flank, approach)
     class(system_t), intent(in) :: system           !! what moves
-    type(hybrid_state_t), intent(inout) :: state    !! state
+    type(hybrid_state_t), intent(inout) :: state
     type(segment_t), intent(inout) :: segment       !! what happened
     integer, intent(in) :: flank                    !! flank left
     real(wp), intent(in) :: approach                !! approach velocity, not positive
@@ -134,7 +134,7 @@ contains
   pure real(wp) function pressing_sign(system, frame, flank, s, z)
     class(system_t), intent(in) :: system           !! what moves
     type(frame_t), intent(in) :: frame              !! frame on the piece that holds s
-    integer, intent(in) :: flank                    !! flank
+    integer, intent(in) :: flank
     real(wp), intent(in) :: s                       !! time since the frame was opened
     real(wp), intent(in) :: z(max_states)           !! local coordinates at s
     real(wp) :: c(0:max_degree), leading
@@ -149,7 +149,7 @@ contains
     type(hybrid_state_t), intent(in) :: state       !! state after the event
     type(segment_t), intent(inout) :: segment       !! what happened
     integer, intent(in) :: kind                     !! kind at the drive flank
-    integer, intent(in) :: flank                    !! flank
+    integer, intent(in) :: flank
     real(wp), intent(in) :: approach_before         !! approach velocity before
     real(wp), intent(in) :: approach_after          !! and after
     real(wp) :: phi_dot, direction

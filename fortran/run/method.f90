@@ -40,9 +40,9 @@ contains
   subroutine make_flow(method, system, flow, error)
     integer, intent(in) :: method                         !! method_*
     class(oscillator_t), intent(in), target :: system     !! what moves; it must outlive the flow
-    class(flow_t), allocatable, intent(out) :: flow       !! how
+    class(flow_t), allocatable, intent(out), target :: flow   !! how
     integer, intent(out) :: error                         !! 0, or there is no memory for it
-    type(exact_flow_t), allocatable :: exact
+    type(exact_flow_t), allocatable, target :: exact
     error = 0
     if (method == method_exact) then
       allocate (exact)

@@ -83,7 +83,7 @@ contains
     real(wp), intent(inout) :: blobs(:, :)           !! (blob_size, n_lines) runs under way
     integer(int64), intent(in) :: deadline           !! clock count at which to stop
     class(oscillator_t), allocatable, target :: system
-    class(flow_t), allocatable :: flow
+    class(flow_t), allocatable, target :: flow
     type(parameters_t) :: made   ! point that they were made for
     logical :: stopped   ! at the deadline: then no other line is begun
     integer :: i
@@ -105,7 +105,7 @@ contains
     integer(int64), intent(in) :: deadline           !! clock count at which to stop
     class(oscillator_t), allocatable, intent(inout), target :: system   !! made, or made new, for
                                                                         !! each point
-    class(flow_t), allocatable, intent(inout) :: flow          !! and its way to move; none yet: not
+    class(flow_t), allocatable, intent(inout), target :: flow  !! and its way to move; none yet: not
                                                                !! made
     type(parameters_t), intent(inout) :: made        !! point that they were made for
     type(hybrid_state_t) :: state
@@ -141,7 +141,7 @@ contains
     type(sweep_t), intent(in) :: sweep                         !! the sweep
     type(parameters_t), intent(in) :: point                    !! the point's parameters
     class(oscillator_t), allocatable, intent(inout), target :: system   !! another's; then its own
-    class(flow_t), allocatable, intent(inout) :: flow          !! the same
+    class(flow_t), allocatable, intent(inout), target :: flow  !! the same
     type(parameters_t), intent(inout) :: made                  !! point that they were made for
     integer, intent(out) :: error                              !! 0, or there is no memory for them
     error = 0

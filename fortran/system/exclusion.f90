@@ -32,7 +32,7 @@ contains
 
   !> Earliest time at which a distance with second derivative -pull or more can vanish.
   pure real(wp) function no_sooner(distance, approach, pull)
-    real(wp), intent(in) :: distance   !! distance
+    real(wp), intent(in) :: distance
     real(wp), intent(in) :: approach   !! minus its first derivative
     real(wp), intent(in) :: pull       !! minus its least second derivative
     real(wp) :: square

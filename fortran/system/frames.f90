@@ -37,7 +37,7 @@ contains
   pure subroutine set_together(path, width, frame)
     class(flank_t), intent(in) :: path               !! their motion
     real(wp), intent(in) :: width                    !! distance between them, rad
-    type(frame_t), intent(inout) :: frame            !! frame
+    type(frame_t), intent(inout) :: frame
     ! Into its place, not by way of another array: what is just stored is slow to copy.
     call path%taylor(frame%piece, frame%t, frame%flank(:, frame%chart))
     frame%origin = frame%flank(0, frame%chart)
@@ -51,7 +51,7 @@ contains
     real(wp), intent(in) :: drive(0:max_degree)      !! motion of the drive flank
     real(wp), intent(in) :: coast(0:max_degree)      !! and of the coast flank
     real(wp), intent(in) :: width                    !! distance between them, rad
-    type(frame_t), intent(inout) :: frame            !! frame
+    type(frame_t), intent(inout) :: frame
     frame%flank(:, drive_flank) = drive
     frame%flank(:, coast_flank) = coast
     frame%origin = frame%flank(0, frame%chart)
@@ -106,7 +106,7 @@ contains
   !> The other flank, which moves together with that of the chart.
   pure subroutine set_other_flank(width, frame)
     real(wp), intent(in) :: width                !! distance between them, rad
-    type(frame_t), intent(inout) :: frame        !! frame
+    type(frame_t), intent(inout) :: frame
     integer :: other
     other = drive_flank + coast_flank - frame%chart
     frame%flank(:, other) = frame%flank(:, frame%chart)
@@ -146,7 +146,7 @@ contains
   !> The flank of a frame's chart on the piece after the frame's own, about the knot between them.
   pure function on_next_piece(path, frame) result(g)
     class(flank_t), intent(in) :: path           !! motion of the flanks
-    type(frame_t), intent(in) :: frame           !! frame
+    type(frame_t), intent(in) :: frame
     real(wp) :: g(0:max_degree)
     real(wp) :: position, slope
     call value_and_slope(frame%flank(:, frame%chart), frame%piece_end - frame%piece_begin, &
@@ -196,7 +196,7 @@ contains
 
   !> Distance to a flank over a frame's piece, about its beginning.
   pure subroutine distance_in_frame(frame, flank, motion, c)
-    type(frame_t), intent(in) :: frame                     !! frame
+    type(frame_t), intent(in) :: frame
     integer, intent(in) :: flank                           !! drive_flank or coast_flank
     type(motion_t), intent(in) :: motion                   !! step as a polynomial
     real(wp), intent(out) :: c(0:max_degree)               !! coefficients in s - piece_begin

@@ -117,7 +117,7 @@ contains
   !> Whether a flank moves with g.
   pure logical function moves(self, flank)
     class(oscillator_t), intent(in) :: self
-    integer, intent(in) :: flank                 !! flank
+    integer, intent(in) :: flank
     moves = flank == drive_flank .or. .not. allocated(self%fixed)
   end function moves
 
@@ -142,7 +142,7 @@ contains
   pure subroutine limit_step(self, instant, frame)
     class(oscillator_t), intent(in) :: self
     type(instant_t), intent(in) :: instant       !! where it opens
-    type(frame_t), intent(inout) :: frame        !! frame
+    type(frame_t), intent(inout) :: frame
     if (instant%motion_state == separation) return
     frame%stop_knot = self%path%next_felt(frame%piece)
     frame%stop = self%path%knot(frame%stop_knot) - instant%t
@@ -228,7 +228,7 @@ contains
   pure subroutine derivatives(self, frame, motion_state, s, z, rate)
     class(oscillator_t), intent(in) :: self
     type(frame_t), intent(in) :: frame           !! frame as opened
-    integer, intent(in) :: motion_state          !! motion state
+    integer, intent(in) :: motion_state
     real(wp), intent(in) :: s                    !! time since the frame was opened
     real(wp), intent(in) :: z(:)                 !! position and velocity
     real(wp), intent(out) :: rate(:)             !! velocity and acceleration
@@ -243,7 +243,7 @@ contains
   subroutine stages(self, frame, motion_state, h, z, step, done)
     class(oscillator_t), intent(in) :: self
     type(frame_t), intent(in) :: frame             !! frame as opened
-    integer, intent(in) :: motion_state            !! motion state
+    integer, intent(in) :: motion_state
     real(wp), intent(in) :: h                      !! step
     real(wp), intent(in) :: z(max_states)          !! local coordinates at s = 0
     type(step_t), intent(inout) :: step            !! the result
@@ -262,7 +262,7 @@ contains
   !> Distance to a flank over the frame's piece.
   pure subroutine gap(self, frame, flank, motion, c)
     class(oscillator_t), intent(in) :: self
-    type(frame_t), intent(in) :: frame           !! frame
+    type(frame_t), intent(in) :: frame
     integer, intent(in) :: flank                 !! drive_flank or coast_flank
     type(motion_t), intent(in) :: motion         !! step as a polynomial
     real(wp), intent(out) :: c(0:max_degree)     !! coefficients in s - piece_begin
@@ -272,8 +272,8 @@ contains
   !> Distance and approach velocity to a flank at s within the frame's piece.
   pure subroutine contact(self, frame, flank, s, z, distance, approach)
     class(oscillator_t), intent(in) :: self
-    type(frame_t), intent(in) :: frame           !! frame
-    integer, intent(in) :: flank                 !! flank
+    type(frame_t), intent(in) :: frame
+    integer, intent(in) :: flank
     real(wp), intent(in) :: s                    !! time since the frame was opened
     real(wp), intent(in) :: z(max_states)        !! local coordinates
     real(wp), intent(out) :: distance            !! positive in separation, rad
@@ -287,7 +287,7 @@ contains
   !> Position and velocity relative to a flank at s within the frame's piece.
   pure subroutine commit(self, frame, s, z, chart, y)
     class(oscillator_t), intent(in) :: self
-    type(frame_t), intent(in) :: frame           !! frame
+    type(frame_t), intent(in) :: frame
     real(wp), intent(in) :: s                    !! time since the frame was opened
     real(wp), intent(in) :: z(max_states)        !! local coordinates
     integer, intent(in) :: chart                 !! flank to refer to
@@ -302,8 +302,8 @@ contains
   !> F - g'' at the drive flank, its opposite at the coast flank.
   pure subroutine pressing(self, frame, flank, s, z, c)
     class(oscillator_t), intent(in) :: self
-    type(frame_t), intent(in) :: frame           !! frame
-    integer, intent(in) :: flank                 !! flank
+    type(frame_t), intent(in) :: frame
+    integer, intent(in) :: flank
     real(wp), intent(in) :: s                    !! time since the frame was opened
     real(wp), intent(in) :: z(max_states)        !! local coordinates: without effect
     real(wp), intent(out) :: c(0:max_degree)     !! Taylor coefficients about s
@@ -322,8 +322,8 @@ contains
   !> Velocity of a flank at s within the frame's piece.
   pure real(wp) function flank_velocity(self, frame, flank, s)
     class(oscillator_t), intent(in) :: self
-    type(frame_t), intent(in) :: frame           !! frame
-    integer, intent(in) :: flank                 !! flank
+    type(frame_t), intent(in) :: frame
+    integer, intent(in) :: flank
     real(wp), intent(in) :: s                    !! time since it was opened
     flank_velocity = 0
     if (moves(self, flank)) flank_velocity = frame%origin_rate &
@@ -363,7 +363,7 @@ contains
   !> mesh radian in flight where that is slower.
   pure subroutine scales(self, motion_state, scale)
     class(oscillator_t), intent(in) :: self
-    integer, intent(in) :: motion_state          !! motion state
+    integer, intent(in) :: motion_state
     real(wp), intent(out) :: scale(max_states)   !! sizes
     scale = self%angle_scale
     if (motion_state == separation) scale(2) = self%flight_velocity_scale

@@ -104,7 +104,7 @@ module lapwing_system
       implicit none
       class(system_t), intent(in) :: self
       type(frame_t), intent(in) :: frame           !! frame as opened
-      integer, intent(in) :: motion_state          !! motion state
+      integer, intent(in) :: motion_state
       real(wp), intent(in) :: s                    !! time since the frame was opened
       real(wp), intent(in) :: z(:)                 !! local coordinates
       real(wp), intent(out) :: rate(:)             !! their rates
@@ -115,7 +115,7 @@ module lapwing_system
       import :: system_t, frame_t, motion_t, max_degree, wp
       implicit none
       class(system_t), intent(in) :: self
-      type(frame_t), intent(in) :: frame           !! frame
+      type(frame_t), intent(in) :: frame
       integer, intent(in) :: flank                 !! drive_flank or coast_flank
       type(motion_t), intent(in) :: motion         !! step as a polynomial
       real(wp), intent(out) :: c(0:max_degree)     !! coefficients in s - piece_begin
@@ -126,8 +126,8 @@ module lapwing_system
       import :: system_t, frame_t, max_states, wp
       implicit none
       class(system_t), intent(in) :: self
-      type(frame_t), intent(in) :: frame           !! frame
-      integer, intent(in) :: flank                 !! flank
+      type(frame_t), intent(in) :: frame
+      integer, intent(in) :: flank
       real(wp), intent(in) :: s                    !! time since the frame was opened
       real(wp), intent(in) :: z(max_states)        !! local coordinates
       real(wp), intent(out) :: distance            !! positive in separation, rad
@@ -139,7 +139,7 @@ module lapwing_system
       import :: system_t, frame_t, max_states, wp
       implicit none
       class(system_t), intent(in) :: self
-      type(frame_t), intent(in) :: frame           !! frame
+      type(frame_t), intent(in) :: frame
       real(wp), intent(in) :: s                    !! time since the frame was opened
       real(wp), intent(in) :: z(max_states)        !! local coordinates
       integer, intent(in) :: chart                 !! flank to refer to
@@ -152,8 +152,8 @@ module lapwing_system
       import :: system_t, frame_t, max_degree, max_states, wp
       implicit none
       class(system_t), intent(in) :: self
-      type(frame_t), intent(in) :: frame           !! frame
-      integer, intent(in) :: flank                 !! flank
+      type(frame_t), intent(in) :: frame
+      integer, intent(in) :: flank
       real(wp), intent(in) :: s                    !! time since the frame was opened
       real(wp), intent(in) :: z(max_states)        !! local coordinates at s
       real(wp), intent(out) :: c(0:max_degree)     !! Taylor coefficients about s
@@ -185,7 +185,7 @@ module lapwing_system
       import :: system_t, max_states, wp
       implicit none
       class(system_t), intent(in) :: self
-      integer, intent(in) :: motion_state          !! motion state
+      integer, intent(in) :: motion_state
       real(wp), intent(out) :: scale(max_states)   !! sizes
     end subroutine scales_i
 
@@ -204,7 +204,7 @@ contains
   !> Approach velocity of a state that is at a flank, to which y(1) and y(2), a distance and its
   !> rate, refer in every system.
   pure real(wp) function approach_velocity(flank, y)
-    integer, intent(in) :: flank             !! flank
+    integer, intent(in) :: flank
     real(wp), intent(in) :: y(max_states)    !! state variables
     approach_velocity = merge(y(2), -y(2), flank == drive_flank)
   end function approach_velocity
@@ -214,7 +214,7 @@ contains
   subroutine left_to_formula(self, frame, motion_state, h, z, step, done)
     class(system_t), intent(in) :: self
     type(frame_t), intent(in) :: frame             !! frame as opened
-    integer, intent(in) :: motion_state            !! motion state
+    integer, intent(in) :: motion_state
     real(wp), intent(in) :: h                      !! step
     real(wp), intent(in) :: z(max_states)          !! local coordinates at s = 0
     type(step_t), intent(inout) :: step            !! the result
@@ -262,21 +262,21 @@ contains
   pure subroutine as_opened(self, instant, frame)
     class(system_t), intent(in) :: self
     type(instant_t), intent(in) :: instant       !! where it opens
-    type(frame_t), intent(inout) :: frame        !! frame
+    type(frame_t), intent(inout) :: frame
   end subroutine as_opened
 
   !> Whether a flank moves, so that the impacts on it may gain speed.
   pure logical function always(self, flank)
     class(system_t), intent(in) :: self
-    integer, intent(in) :: flank                 !! flank
+    integer, intent(in) :: flank
     always = .true.
   end function always
 
   !> Velocity of a flank at s within a frame's piece.
   pure real(wp) function at_rest(self, frame, flank, s)
     class(system_t), intent(in) :: self
-    type(frame_t), intent(in) :: frame           !! frame
-    integer, intent(in) :: flank                 !! flank
+    type(frame_t), intent(in) :: frame
+    integer, intent(in) :: flank
     real(wp), intent(in) :: s                    !! time since it was opened
     at_rest = 0
   end function at_rest

@@ -60,7 +60,7 @@ contains
   pure subroutine derivatives(self, frame, motion_state, s, z, rate)
     class(torsional_chain_t), intent(in) :: self
     type(frame_t), intent(in) :: frame           !! frame as opened
-    integer, intent(in) :: motion_state          !! motion state
+    integer, intent(in) :: motion_state
     real(wp), intent(in) :: s                    !! time since the frame was opened
     real(wp), intent(in) :: z(:)                 !! relative, mean: position and velocity
     real(wp), intent(out) :: rate(:)             !! velocity and acceleration
@@ -72,7 +72,7 @@ contains
   subroutine stages(self, frame, motion_state, h, z, step, done)
     class(torsional_chain_t), intent(in) :: self
     type(frame_t), intent(in) :: frame             !! frame as opened
-    integer, intent(in) :: motion_state            !! motion state
+    integer, intent(in) :: motion_state
     real(wp), intent(in) :: h                      !! step
     real(wp), intent(in) :: z(max_states)          !! local coordinates at s = 0
     type(step_t), intent(inout) :: step            !! the result
@@ -104,7 +104,7 @@ contains
   !> The relative motion as seen from a flank; the mean one has no frame.
   pure subroutine commit(self, frame, s, z, chart, y)
     class(torsional_chain_t), intent(in) :: self
-    type(frame_t), intent(in) :: frame           !! frame
+    type(frame_t), intent(in) :: frame
     real(wp), intent(in) :: s                    !! time since the frame was opened
     real(wp), intent(in) :: z(max_states)        !! local coordinates
     integer, intent(in) :: chart                 !! flank to refer to
@@ -116,7 +116,7 @@ contains
   !> No step is too long for the mean motion, however far it has gone.
   pure subroutine scales(self, motion_state, scale)
     class(torsional_chain_t), intent(in) :: self
-    integer, intent(in) :: motion_state          !! motion state
+    integer, intent(in) :: motion_state
     real(wp), intent(out) :: scale(max_states)   !! sizes
     call self%oscillator_t%scales(motion_state, scale)
     scale(3:4) = huge(scale)

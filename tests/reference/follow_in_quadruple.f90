@@ -64,7 +64,7 @@ contains
   !> the state at the end and the status.
   subroutine follow()
     type(oscillator_t), target :: system
-    class(flow_t), allocatable :: flow
+    class(flow_t), allocatable, target :: flow
     type(hybrid_state_t) :: state
     type(recorder_t) :: recorder
     type(work_t) :: work

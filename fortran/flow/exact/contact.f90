@@ -29,7 +29,7 @@ contains
 
   !> End of a contact: release, or the stop; in a graded scene it may end before, of nothing.
   pure subroutine contact_end(scene, curve, flank, touching, stop, at)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(inout) :: curve      !! arc; begun anew at a knot that is near
     integer, intent(in) :: flank               !! flank in contact
     logical, intent(in) :: touching            !! whether it begins at zero and goes in
@@ -77,7 +77,7 @@ contains
   !> The same in a graded scene. A table's contact stops at the next knot, and no bound of q holds
   !> for longer.
   pure subroutine graded_contact_end(scene, curve, goal, flank, stop, at)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(inout) :: curve      !! arc
     type(target_t), intent(in) :: goal         !! release
     integer, intent(in) :: flank               !! flank in contact
@@ -102,7 +102,7 @@ contains
 
   !> A time that is a panel's edge but for rounding, put onto it.
   pure real(wp) function at_edge(scene, t, s) result(time)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     real(wp), intent(in) :: t                  !! time in the cycle
     real(wp), intent(in) :: s                  !! time after it
     integer :: panel
@@ -116,7 +116,7 @@ contains
   !> A contact that begins just before a knot of a table goes on from there with a series of its
   !> own, so that it keeps its relative precision while it is small.
   pure subroutine cross_near_knots(scene, goal, stop, curve, elapsed, last, found, s, x, v)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(target_t), intent(inout) :: goal      !! release
     real(wp), intent(in) :: stop               !! latest end
     type(curve_t), intent(inout) :: curve      !! arc, begun anew at the last knot crossed
@@ -155,7 +155,7 @@ contains
 
   !> Panel that holds t, or ends there to the resolution of time.
   pure integer function last_panel(scene, t) result(panel)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     real(wp), intent(in) :: t                  !! time in the cycle
     panel = locate_panel(scene%form, t)
     if (panel == 1) return
@@ -164,7 +164,7 @@ contains
 
   !> Whether the free oscillation is too small to let the tooth off, now and for ever.
   pure logical function stays(scene, sign, free)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     real(wp), intent(in) :: sign               !! +1 at the drive flank, -1 at the coast flank
     real(wp), intent(in) :: free(2)            !! d and d'
     real(wp) :: margin
@@ -188,7 +188,7 @@ contains
 
   !> Release of a contact, panel by panel.
   pure subroutine release(scene, curve, goal, stop, panel, found, s, x, v)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(inout) :: curve      !! arc
     type(target_t), intent(in) :: goal         !! release
     real(wp), intent(in) :: stop               !! latest end
@@ -247,7 +247,7 @@ contains
   !> From a panel that begins a block past all blocks over which the free oscillation, which never
   !> grows, is too small to let the tooth off.
   pure subroutine pass_blocks(scene, sign, size_before, panel, free)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     real(wp), intent(in) :: sign               !! +1 at the drive flank, -1 at the coast flank
     real(wp), intent(in) :: size_before        !! size of the free oscillation, earlier
     integer, intent(inout) :: panel            !! panel, then the one to be looked at next, or n + 1
@@ -267,9 +267,9 @@ contains
 
   !> Bernstein coefficients of sign*x over a panel, and a bound of what they leave out.
   pure subroutine bound_contact(scene, sign, panel, free, b, rest)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     real(wp), intent(in) :: sign               !! +1 at the drive flank, -1 at the coast flank
-    integer, intent(in) :: panel               !! panel
+    integer, intent(in) :: panel
     real(wp), intent(in) :: free(2)            !! d and d' in its middle
     real(wp), intent(out) :: b(0:max_degree)   !! coefficients
     real(wp), intent(out) :: rest              !! bound
@@ -283,7 +283,7 @@ contains
   !> Whether a contact that begins at zero lasts at least until `to`: its distance over the time
   !> stays positive.
   pure logical function leaves(scene, curve, panel, sign, to)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc, its series known
     integer, intent(in) :: panel               !! panel that holds it until `to`
     real(wp), intent(in) :: sign               !! +1 at the drive flank, -1 at the coast flank
@@ -297,9 +297,9 @@ contains
   !> The one release within a panel, where it is plain that there is just one.
   pure subroutine only_release(scene, curve, panel, passed, sign, free, b, rest, to, settled, &
       found, s, x, v)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc
-    integer, intent(in) :: panel               !! panel
+    integer, intent(in) :: panel
     integer, intent(in) :: passed              !! panels since the arc began
     real(wp), intent(in) :: sign               !! +1 at the drive flank, -1 at the coast flank
     real(wp), intent(in) :: free(2)            !! d and d' in its middle

@@ -48,7 +48,7 @@ contains
 
   !> Begin an arc.
   pure subroutine begin_curve(scene, contact, t, piece, x, v, curve)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     logical, intent(in) :: contact             !! in contact, or in flight
     real(wp), intent(in) :: t                  !! time in the cycle
     integer, intent(in) :: piece               !! piece of the flank that holds t
@@ -78,7 +78,7 @@ contains
   !> The Taylor series of an arc about its beginning, and how far it reaches: as many terms as a
   !> quick return needs, if there might be one.
   pure subroutine expand_start(scene, curve)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(inout) :: curve      !! its series is set
     real(wp) :: most
     integer :: n
@@ -96,7 +96,7 @@ contains
 
   !> The Taylor series with all its terms.
   pure subroutine expand_fully(scene, curve)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(inout) :: curve      !! its series is set
     if (curve%near < 0) call expand_shortly(scene, curve)
     if (goes_on(scene, curve)) call expand_up_to(scene, curve, start_order)
@@ -104,7 +104,7 @@ contains
 
   !> Whether the flank's motion is a series, smooth throughout the period.
   pure logical function is_smooth(flank)
-    class(flank_t), intent(in) :: flank        !! flank
+    class(flank_t), intent(in) :: flank
     select type (flank)
     type is (series_flank_t)
       is_smooth = .true.
@@ -115,14 +115,14 @@ contains
 
   !> Whether an arc's series goes on after the sixth term.
   pure logical function goes_on(scene, curve)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc
     goes_on = curve%contact .or. is_smooth(scene%flank)
   end function goes_on
 
   !> The first six terms, and how far they reach.
   pure subroutine expand_shortly(scene, curve)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(inout) :: curve      !! its series is set
     real(wp) :: g(0:max_degree)
     select type (flank => scene%flank)
@@ -141,7 +141,7 @@ contains
 
   !> More terms, up to an odd order.
   pure subroutine expand_up_to(scene, curve, n)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(inout) :: curve      !! its series is continued
     integer, intent(in) :: n                   !! order
     real(wp) :: g(0:start_order)
@@ -166,7 +166,7 @@ contains
 
   !> How far an arc's series reaches.
   pure subroutine set_reach(scene, curve)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(inout) :: curve      !! its reach is set
     curve%near = huge(1.0_wp)
     if (goes_on(scene, curve)) curve%near = reach(curve%degree)/fastest(scene, curve)
@@ -178,7 +178,7 @@ contains
 
   !> Rate that bounds the reach of an arc's series.
   pure real(wp) function fastest(scene, curve)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc
     fastest = scene%form%fastest
     if (.not. curve%contact) fastest = scene%form%fastest_in_flight
@@ -187,7 +187,7 @@ contains
   !> Taylor coefficients of the motion from position and velocity: x'' = F - g'' in flight,
   !> x'' = F - g'' - 2 xi x' - x in contact.
   pure subroutine motion_taylor(scene, contact, x, v, g, c)
-    type(scene_t), intent(in) :: scene             !! scene
+    type(scene_t), intent(in) :: scene
     logical, intent(in) :: contact                 !! in contact, or in flight
     real(wp), intent(in) :: x, v                   !! position and velocity
     real(wp), intent(in) :: g(0:max_degree)        !! Taylor coefficients of the flank

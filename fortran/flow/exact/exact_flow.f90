@@ -165,7 +165,7 @@ contains
   !> Velocity of a flank.
   pure real(wp) function velocity_of(self, flank, t, guess) result(velocity)
     class(exact_flow_t), intent(in) :: self
-    integer, intent(in) :: flank                 !! flank
+    integer, intent(in) :: flank
     real(wp), intent(in) :: t                    !! time in the cycle
     integer, intent(in) :: guess                 !! table piece to look at first
     real(wp) :: g(0:max_degree)
@@ -178,7 +178,7 @@ contains
   !> Which scene is seen from a flank.
   pure integer function view(self, flank)
     class(exact_flow_t), intent(in) :: self
-    integer, intent(in) :: flank                 !! flank
+    integer, intent(in) :: flank
     view = merge(on_fixed, on_moving, flank == coast_flank .and. allocated(self%of%fixed))
   end function view
 
@@ -271,7 +271,7 @@ contains
   pure subroutine curve_from(self, begin, flank, curve)
     class(exact_flow_t), intent(in) :: self
     type(instant_t), intent(in) :: begin         !! where the arc begins
-    integer, intent(in) :: flank                 !! flank
+    integer, intent(in) :: flank
     type(curve_t), intent(out) :: curve          !! the curve
     type(instant_t) :: seen
     real(wp) :: g, slope, sign
@@ -315,7 +315,7 @@ contains
     class(system_t), intent(in) :: system         !! what moves
     type(arc_t), intent(in) :: arc                !! an arc it moved along
     type(curve_t), intent(in) :: curve            !! the arc, seen from the flank
-    integer, intent(in) :: flank                  !! flank
+    integer, intent(in) :: flank
     real(wp), intent(in) :: within                !! what is near, rad
     class(listener_t), intent(inout) :: listener  !! who hears of it
     type(instant_t) :: instant
@@ -347,7 +347,7 @@ contains
     class(exact_flow_t), intent(in) :: self
     class(system_t), intent(in) :: system        !! what moves
     type(arc_t), intent(in) :: arc               !! an arc it moved along
-    integer, intent(in) :: flank                 !! flank
+    integer, intent(in) :: flank
     real(wp), intent(in) :: least                !! value known already, rad
     real(wp), intent(out) :: largest             !! the larger of the two, rad
     type(work_t), intent(inout) :: work          !! counts

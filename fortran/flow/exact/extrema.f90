@@ -22,7 +22,7 @@ contains
   !> First time after `from`, which is zero or such a time itself, where the velocity relative to
   !> the flank changes sign.
   pure subroutine next_turn(scene, curve, from, until, found, s)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc, its series known
     real(wp), intent(in) :: from, until        !! times since its beginning
     logical, intent(out) :: found              !! whether there is one
@@ -47,7 +47,7 @@ contains
 
   !> Largest sign*x over an arc, if it exceeds `least`; else `least`.
   pure real(wp) function farthest(scene, curve, sign, until, least)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc, its series known
     real(wp), intent(in) :: sign               !! +1: the largest x, -1: the smallest
     real(wp), intent(in) :: until              !! end of the arc
@@ -101,7 +101,7 @@ contains
 
   !> In flight over table pieces, or over a flank that stands: polynomials of degree five.
   pure real(wp) function farthest_over_pieces(scene, curve, sign, until, least) result(most)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc, its series known
     real(wp), intent(in) :: sign               !! +1: the largest x, -1: the smallest
     real(wp), intent(in) :: until              !! end of the arc
@@ -142,7 +142,7 @@ contains
   !> Panels are bounded by their Bernstein coefficients, blocks of panels by ranges; only those that
   !> could hold a larger value than the ends of all of them are searched.
   pure real(wp) function farthest_over_panels(scene, curve, sign, until, least) result(most)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc, its series known
     real(wp), intent(in) :: sign               !! +1: the largest x, -1: the smallest
     real(wp), intent(in) :: until              !! end of the arc
@@ -200,7 +200,7 @@ contains
 
   !> Raise `most` to the largest sign*x at the ends of blocks, or of panels where there are none.
   pure subroutine look_at_ends(scene, curve, sign, until, most)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc, its series known
     real(wp), intent(in) :: sign               !! +1 or -1
     real(wp), intent(in) :: until              !! end of the arc
@@ -229,8 +229,8 @@ contains
 
   !> Last panel of the block that a panel begins, or the panel itself.
   pure integer function last_of_block(scene, panel) result(last)
-    type(scene_t), intent(in) :: scene         !! scene
-    integer, intent(in) :: panel               !! panel
+    type(scene_t), intent(in) :: scene
+    integer, intent(in) :: panel
     last = panel
     if (scene%blocks%panels == 0) return
     if (mod(panel - 1, scene%blocks%panels) /= 0) return
@@ -240,7 +240,7 @@ contains
   !> Upper bound of sign*x over a block, in flight from ranges of g and of the parabola, in contact
   !> from the range of the response and the size of the free oscillation, which never grows.
   pure real(wp) function block_bound(scene, curve, sign, panel, begin, finish) result(bound)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc
     real(wp), intent(in) :: sign               !! +1 or -1
     integer, intent(in) :: panel               !! first panel of the block
@@ -258,7 +258,7 @@ contains
   !> The same in flight, from the range of g there.
   pure real(wp) function flight_bound(scene, curve, sign, begin, finish, g_low, g_high) &
       result(bound)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc
     real(wp), intent(in) :: sign               !! +1 or -1
     real(wp), intent(in) :: begin, finish      !! times since the arc began

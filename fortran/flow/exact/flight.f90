@@ -36,7 +36,7 @@ contains
   !> End of a flight between a wall above (the drive flank) and one below (the coast flank), both
   !> moving with the flank the flight is seen from.
   pure subroutine flight_end(scene, curve, wall, touching, stop, at)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(inout) :: curve      !! arc
     real(wp), intent(in) :: wall(2)            !! positions of the flanks; -huge: no coast flank
     integer, intent(in) :: touching            !! flank at zero distance, left at s = 0
@@ -92,7 +92,7 @@ contains
 
   !> A flight over table pieces: on each the motion is a polynomial.
   pure subroutine flight_over_table(scene, curve, wall, touching, stop, at)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc, its series known
     real(wp), intent(in) :: wall(2)            !! positions of the flanks
     integer, intent(in) :: touching            !! flank at zero distance, left at s = 0
@@ -132,7 +132,7 @@ contains
 
   !> From a piece that begins a block past all blocks on which neither flank can be met.
   pure subroutine pass_blocks(scene, curve, wall, stop, piece)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc
     real(wp), intent(in) :: wall(2)            !! positions of the flanks
     real(wp), intent(in) :: stop               !! latest end
@@ -197,7 +197,7 @@ contains
 
   !> A flight over a harmonic flank: panels, the first one from the arc's beginning.
   pure subroutine flight_over_series(scene, curve, wall, touching, stop, at)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(inout) :: curve      !! arc, its series known
     real(wp), intent(in) :: wall(2)            !! positions of the flanks
     integer, intent(in) :: touching            !! flank at zero distance, left at s = 0
@@ -265,7 +265,7 @@ contains
     real(wp), intent(in) :: rate               !! theta' there
     real(wp), intent(in) :: wall(2)            !! positions of the flanks
     real(wp), intent(in) :: stop               !! latest end
-    integer, intent(inout) :: panel            !! panel
+    integer, intent(inout) :: panel
     real(wp), intent(inout) :: from            !! its beginning, after that
     real(wp), intent(inout) :: theta           !! position then
     real(wp) :: here, room, later, there, height
@@ -288,9 +288,9 @@ contains
 
   !> The one crossing of a wall within a panel, where it is plain that there is just one.
   pure subroutine cross_only(scene, curve, panel, wall, flank, b, to, out, at)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc
-    integer, intent(in) :: panel               !! panel
+    integer, intent(in) :: panel
     real(wp), intent(in) :: wall(2)            !! positions of the flanks
     integer, intent(in) :: flank               !! the one that is met
     real(wp), intent(in) :: b(0:max_degree)    !! Bernstein coefficients of x
@@ -348,9 +348,9 @@ contains
 
   !> First crossing, within a panel, of those walls that are not ruled out.
   pure subroutine search_panel(scene, curve, panel, wall, touching, from, to, out, at)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(inout) :: curve      !! arc
-    integer, intent(in) :: panel               !! panel
+    integer, intent(in) :: panel
     real(wp), intent(in) :: wall(2)            !! positions of the flanks
     integer, intent(in) :: touching            !! flank left at s = 0
     real(wp), intent(in) :: from, to           !! where to look

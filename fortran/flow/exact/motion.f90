@@ -18,7 +18,7 @@ contains
 
   !> Position and velocity at s. `panel` holds t + s; at its end the values before any jump.
   pure subroutine curve_at(scene, curve, panel, s, x, v)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc
     integer, intent(in) :: panel               !! panel (in contact, with a table)
     real(wp), intent(in) :: s                  !! time since its beginning
@@ -37,7 +37,7 @@ contains
 
   !> g and g' at a time of the cycle.
   pure subroutine flank_at(scene, panel, t, g, slope)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     integer, intent(in) :: panel               !! panel that holds t
     real(wp), intent(in) :: t                  !! time in the cycle
     real(wp), intent(out) :: g, slope          !! position and velocity
@@ -58,7 +58,7 @@ contains
 
   !> The same in contact: F + q + d.
   pure subroutine contact_at(scene, curve, panel, s, x, v)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc
     integer, intent(in) :: panel               !! panel that holds t + s
     real(wp), intent(in) :: s                  !! time since its beginning
@@ -77,9 +77,9 @@ contains
   !> Taylor coefficients of the motion about s, and a bound of |x^(6)|/6! from there on: within the
   !> panel, which holds t + s, or begins there.
   pure subroutine curve_taylor(scene, curve, panel, at_edge, s, c, rest)
-    type(scene_t), intent(in) :: scene             !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve             !! arc
-    integer, intent(in) :: panel                   !! panel
+    integer, intent(in) :: panel
     logical, intent(in) :: at_edge                 !! whether it begins at s
     real(wp), intent(in) :: s                      !! time since the arc began
     real(wp), intent(out) :: c(0:max_degree)       !! coefficients
@@ -114,7 +114,7 @@ contains
 
   !> Position and velocity in flight where the flank is known.
   pure subroutine fly_from(scene, curve, s, g, slope, x, v)
-    type(scene_t), intent(in) :: scene             !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve             !! arc
     real(wp), intent(in) :: s                      !! time since it began
     real(wp), intent(in) :: g, slope               !! flank's position and velocity
@@ -127,7 +127,7 @@ contains
 
   !> Position and velocity in contact where the response is known.
   pure subroutine add_free_part(scene, curve, s, q, x, v)
-    type(scene_t), intent(in) :: scene             !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve             !! arc
     real(wp), intent(in) :: s                      !! time since it began
     real(wp), intent(in) :: q(2)                   !! response and its rate
@@ -141,9 +141,9 @@ contains
   !> Bound of |x^(6)|/6! on a panel from a time on: of q, and of a free oscillation that never
   !> grows, and in a graded scene may have died out by then.
   pure real(wp) function rest_after(scene, curve, panel, s) result(rest)
-    type(scene_t), intent(in) :: scene             !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve             !! arc
-    integer, intent(in) :: panel                   !! panel
+    integer, intent(in) :: panel
     real(wp), intent(in) :: s                      !! time since the arc began
     type(lasting_t) :: left
     rest = 0
@@ -162,7 +162,7 @@ contains
 
   !> x'' where position and velocity are known.
   pure real(wp) function acceleration_at(scene, curve, panel, s, x, v) result(a)
-    type(scene_t), intent(in) :: scene             !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve             !! arc
     integer, intent(in) :: panel                   !! panel that holds t + s
     real(wp), intent(in) :: s                      !! time since its beginning
@@ -175,9 +175,9 @@ contains
 
   !> d and d' in the middle of the panel in which an arc begins, which may lie before that.
   pure function free_in_middle(scene, curve, panel) result(free)
-    type(scene_t), intent(in) :: scene             !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve             !! arc
-    integer, intent(in) :: panel                   !! panel
+    integer, intent(in) :: panel
     real(wp) :: free(2), matrix(2, 2)
     matrix = near_matrix(scene%form%damping, scene%form%panel(panel)%middle - curve%t)
     free = matrix(:, 1)*curve%free(1) + matrix(:, 2)*curve%free(2)
@@ -185,8 +185,8 @@ contains
 
   !> Taylor series of x about a panel's middle in contact, exact to rounding over the panel.
   pure subroutine contact_series(scene, panel, free, c)
-    type(scene_t), intent(in) :: scene             !! scene
-    integer, intent(in) :: panel                   !! panel
+    type(scene_t), intent(in) :: scene
+    integer, intent(in) :: panel
     real(wp), intent(in) :: free(2)                !! d and d' in its middle
     real(wp), intent(out) :: c(0:n_taylor)         !! coefficients
     associate (unit => scene%form%damping%unit)
@@ -197,9 +197,9 @@ contains
 
   !> The same, of sign*(x - wall), in a flight over a series.
   pure subroutine flight_series(scene, curve, panel, sign, wall, c)
-    type(scene_t), intent(in) :: scene             !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve             !! arc
-    integer, intent(in) :: panel                   !! panel
+    integer, intent(in) :: panel
     real(wp), intent(in) :: sign                   !! +1 or -1
     real(wp), intent(in) :: wall                   !! position
     real(wp), intent(out) :: c(0:n_taylor)         !! coefficients
@@ -217,8 +217,8 @@ contains
 
   !> Position in a flight on a table piece, about its knot, from position and velocity there.
   pure function flight_on_piece(scene, piece, x, v) result(c)
-    type(scene_t), intent(in) :: scene             !! scene
-    integer, intent(in) :: piece                   !! piece
+    type(scene_t), intent(in) :: scene
+    integer, intent(in) :: piece
     real(wp), intent(in) :: x, v                   !! position and velocity, after any jump
     real(wp) :: c(0:max_degree)
     c = 0
@@ -234,7 +234,7 @@ contains
   !> Least and greatest theta of a flight between two times: a parabola lies on one side of its
   !> chord, no farther from it than acceleration*duration**2/8.
   pure subroutine range_of_flight(scene, curve, begin, finish, low, high)
-    type(scene_t), intent(in) :: scene             !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve             !! arc
     real(wp), intent(in) :: begin, finish          !! times since it began
     real(wp), intent(out) :: low, high             !! bounds of x + g

@@ -258,7 +258,7 @@ contains
 
   !> q and q' at a time within a panel.
   pure function response_on(panel, t) result(q)
-    type(panel_t), intent(in) :: panel         !! panel
+    type(panel_t), intent(in) :: panel
     real(wp), intent(in) :: t                  !! time in the cycle
     real(wp) :: q(2), bend
     call jet(n_taylor, panel%q, t - panel%middle, q(1), q(2), bend)

@@ -19,7 +19,7 @@ contains
   pure function forced_taylor(xi, table, piece, x) result(c)
     real(wp), intent(in) :: xi                 !! damping ratio
     type(te_table_t), intent(in) :: table      !! g as a table
-    integer, intent(in) :: piece               !! piece
+    integer, intent(in) :: piece
     real(wp), intent(in) :: x                  !! origin
     real(wp) :: c(0:n_taylor), g(0:max_degree)
     integer :: k
@@ -64,7 +64,7 @@ contains
   !> Whether a piece has a response that is as slow as the flank: it must last long against the
   !> time constant of what the response leaves out, or its terms cancel.
   pure logical function has_slow_response(damping, width, span) result(has)
-    type(damped_t), intent(in) :: damping      !! damping
+    type(damped_t), intent(in) :: damping
     real(wp), intent(in) :: width              !! of the piece
     real(wp), intent(in) :: span               !! time constants that count as long
     has = width*max(1.0_wp, 2*damping%xi) > span
@@ -79,9 +79,9 @@ contains
   !>     q = (y - f)/(r - 1/r),    y' + y/r = h,    f' + r f = h,
   !> f of degree three, and y zero in the middle by its Taylor series.
   pure function slow_response(damping, table, piece, x, half, span) result(q)
-    type(damped_t), intent(in) :: damping      !! damping
+    type(damped_t), intent(in) :: damping
     type(te_table_t), intent(in) :: table      !! g as a table
-    integer, intent(in) :: piece               !! piece
+    integer, intent(in) :: piece
     real(wp), intent(in) :: x                  !! its middle, from its beginning
     real(wp), intent(in) :: half               !! half its width
     real(wp), intent(in) :: span               !! time constants that count as long

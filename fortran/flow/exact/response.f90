@@ -98,7 +98,7 @@ contains
   !> q and g of a series on the panels.
   pure subroutine sample_series(self, g)
     type(closed_form_t), intent(inout) :: self   !! q and g on the panels are set
-    type(harmonic_series_t), intent(in) :: g     !! g
+    type(harmonic_series_t), intent(in) :: g
     integer :: i
     do i = 1, self%n
       associate (panel => self%panel(i))

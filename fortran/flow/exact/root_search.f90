@@ -44,7 +44,7 @@ contains
   !> First zero of a target between two times of a panel.
   pure subroutine first_crossing(scene, curve, panel, from_edge, goal, from, to, found, s, &
       x, v)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc
     integer, intent(in) :: panel               !! panel that holds the times
     logical, intent(in) :: from_edge           !! whether it begins at the first of them
@@ -164,7 +164,7 @@ contains
 
   !> First time after `from` where the velocity relative to the flank changes sign.
   pure subroutine first_turn(scene, curve, panel, at_turn, from, to, found, s)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc
     integer, intent(in) :: panel               !! panel that holds the times
     logical, intent(in) :: at_turn             !! whether `from` is such a time
@@ -179,7 +179,7 @@ contains
 
   !> The target of that search.
   pure function turn_after(scene, curve, panel, at_turn, from) result(goal)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc
     integer, intent(in) :: panel               !! panel that holds the time
     logical, intent(in) :: at_turn             !! whether `from` is a turn
@@ -195,9 +195,9 @@ contains
 
   !> Taylor coefficients of the target, and the bound of what they leave out per power of time.
   pure subroutine expand_goal(scene, curve, panel, at_edge, goal, at, f, rest)
-    type(scene_t), intent(in) :: scene             !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve             !! arc
-    integer, intent(in) :: panel                   !! panel
+    integer, intent(in) :: panel
     logical, intent(in) :: at_edge                 !! whether it begins at `at`
     type(target_t), intent(in) :: goal             !! what is looked for
     real(wp), intent(in) :: at                     !! time since the arc began
@@ -282,9 +282,9 @@ contains
   !> A zero to the last bits from a guess near to it: the motion's Taylor polynomial about the guess
   !> is exact so near. `polished`: whether it was near enough, and within the bracket.
   pure subroutine polish(scene, curve, panel, goal, least, guess, most, polished, s, x, v)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc
-    integer, intent(in) :: panel               !! panel
+    integer, intent(in) :: panel
     type(target_t), intent(in) :: goal         !! what is looked for
     real(wp), intent(in) :: least, guess, most !! bracket and guess
     logical, intent(out) :: polished           !! whether it is found

@@ -27,7 +27,7 @@ contains
 
   !> First crossing of a target between two times, or how far it was looked for.
   pure subroutine slow_crossing(scene, curve, goal, from, stop, panel, found, s)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc
     type(target_t), intent(in) :: goal         !! what is looked for
     real(wp), intent(in) :: from, stop         !! times since the arc began
@@ -53,9 +53,9 @@ contains
 
   !> The same on one panel, from s on.
   pure subroutine cross_on_panel(scene, curve, panel, goal, to, looks, found, s)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc
-    integer, intent(in) :: panel               !! panel
+    integer, intent(in) :: panel
     type(target_t), intent(in) :: goal         !! what is looked for
     real(wp), intent(in) :: to                 !! latest time, on the panel
     integer, intent(inout) :: looks            !! close looks so far
@@ -87,9 +87,9 @@ contains
 
   !> Time for which nothing can be met: what is slow stays farther away than what is left of d.
   pure real(wp) function safe_time(scene, curve, panel, goal, left, s, to) result(safe)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc
-    integer, intent(in) :: panel               !! panel
+    integer, intent(in) :: panel
     type(target_t), intent(in) :: goal         !! what is looked for
     type(lasting_t), intent(in) :: left        !! what is left of d at s
     real(wp), intent(in) :: s, to              !! from when, and at most until when
@@ -109,9 +109,9 @@ contains
   !> Taylor coefficients of F + q, or of q', about a time, and a bound of what they leave out per
   !> power of time.
   pure subroutine slow_part(scene, curve, panel, s, rate, c, rest)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc
-    integer, intent(in) :: panel               !! panel
+    integer, intent(in) :: panel
     real(wp), intent(in) :: s                  !! time since the arc began
     logical, intent(in) :: rate                !! whether it is q'
     real(wp), intent(out) :: c(0:max_degree)   !! coefficients
@@ -133,7 +133,7 @@ contains
   !> Panel that holds a time of an arc. In a contact that stops at its knot, as in a graded scene
   !> with a table, the one that ends there: the next one's q is another.
   pure integer function panel_in_contact(scene, curve, s) result(panel)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc
     real(wp), intent(in) :: s                  !! time since it began
     panel = locate_panel(scene%form, curve%t + s)
@@ -145,7 +145,7 @@ contains
 
   !> First time after `from`, which is zero or such a time itself, where the velocity changes sign.
   pure subroutine slow_turn(scene, curve, from, until, found, s)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc
     real(wp), intent(in) :: from, until        !! times since its beginning
     logical, intent(out) :: found              !! whether there is one
@@ -167,7 +167,7 @@ contains
   !> Largest sign*x over an arc, if it exceeds `least`; else `least`. Turn by turn, until what is
   !> slow and what is left of d cannot exceed the largest found.
   pure real(wp) function slow_farthest(scene, curve, sign, until, least) result(most)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc
     real(wp), intent(in) :: sign               !! +1: the largest x, -1: the smallest
     real(wp), intent(in) :: until              !! end of the arc
@@ -187,7 +187,7 @@ contains
 
   !> Upper bound of sign*x between two times.
   pure real(wp) function highest(scene, curve, sign, from, until)
-    type(scene_t), intent(in) :: scene         !! scene
+    type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc
     real(wp), intent(in) :: sign               !! +1 or -1
     real(wp), intent(in) :: from, until        !! times since it began

@@ -39,7 +39,7 @@ contains
   subroutine find_crossing(system, frame, motion_state, touching, motion, work, crossing)
     class(system_t), intent(in) :: system            !! what moves
     type(frame_t), intent(in) :: frame               !! frame as opened
-    integer, intent(in) :: motion_state              !! motion state
+    integer, intent(in) :: motion_state
     integer, intent(in) :: touching                  !! flank at zero distance at s = 0, or none
     type(motion_t), intent(in) :: motion             !! the step
     type(work_t), intent(inout) :: work              !! counts
@@ -64,7 +64,7 @@ contains
   !> The same on one table piece, every flank that can be met there.
   subroutine search_piece(system, motion_state, touching, motion, work, crossing)
     class(system_t), intent(in) :: system            !! what moves
-    integer, intent(in) :: motion_state              !! motion state
+    integer, intent(in) :: motion_state
     integer, intent(in) :: touching                  !! flank at zero distance at the beginning
     type(motion_t), intent(in) :: motion             !! the step
     type(work_t), intent(inout) :: work              !! counts
@@ -104,7 +104,7 @@ contains
   subroutine polish_crossing(system, frame, motion_state, h, z, crossing, z_event, work)
     class(system_t), intent(in) :: system            !! what moves
     type(frame_t), intent(in) :: frame               !! frame as opened
-    integer, intent(in) :: motion_state              !! motion state
+    integer, intent(in) :: motion_state
     real(wp), intent(in) :: h                        !! step
     real(wp), intent(in) :: z(max_states)            !! local coordinates at s = 0
     type(crossing_t), intent(inout) :: crossing      !! dense crossing in, polished out

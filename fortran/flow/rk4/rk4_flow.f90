@@ -155,7 +155,7 @@ contains
     class(rk4_flow_t), intent(in) :: self
     class(system_t), intent(in) :: system         !! what moves
     type(arc_t), intent(in) :: arc                !! a step it took
-    integer, intent(in) :: flank                  !! flank
+    integer, intent(in) :: flank
     real(wp), intent(in) :: least                 !! value known already, rad
     real(wp), intent(out) :: largest              !! the larger of the two, rad
     type(work_t), intent(inout) :: work           !! counts
@@ -203,7 +203,7 @@ contains
     class(system_t), intent(in) :: system         !! what moves
     type(arc_t), intent(in) :: arc                !! a step it took
     type(frame_t), intent(in) :: frame            !! frame on the piece
-    integer, intent(in) :: flank                  !! flank
+    integer, intent(in) :: flank
     real(wp), intent(in) :: within                !! what is near, rad
     class(listener_t), intent(inout) :: listener  !! who hears of it
     type(work_t), intent(inout) :: work           !! counts

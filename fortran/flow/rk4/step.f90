@@ -25,7 +25,7 @@ contains
   subroutine classical_step(system, frame, motion_state, s, h, z, k1, z_end)
     class(system_t), intent(in) :: system         !! what moves
     type(frame_t), intent(in) :: frame            !! frame as opened
-    integer, intent(in) :: motion_state           !! motion state
+    integer, intent(in) :: motion_state
     real(wp), intent(in) :: s                     !! where it begins
     real(wp), intent(in) :: h                     !! its length
     real(wp), intent(in) :: z(:)                  !! local coordinates at s
@@ -44,7 +44,7 @@ contains
   subroutine doubled_step(system, frame, motion_state, h, z, dense, step)
     class(system_t), intent(in) :: system         !! what moves
     type(frame_t), intent(in) :: frame            !! frame as opened
-    integer, intent(in) :: motion_state           !! motion state
+    integer, intent(in) :: motion_state
     real(wp), intent(in) :: h                     !! length of both together
     real(wp), intent(in) :: z(max_states)         !! local coordinates at s = 0
     logical, intent(in) :: dense                  !! whether the rate at the end is wanted
@@ -71,7 +71,7 @@ contains
   subroutine rk4_step(system, frame, motion_state, h, z, motion, z_end, error)
     class(system_t), intent(in) :: system         !! what moves
     type(frame_t), intent(in) :: frame            !! frame as opened
-    integer, intent(in) :: motion_state           !! motion state
+    integer, intent(in) :: motion_state
     real(wp), intent(in) :: h                     !! step
     real(wp), intent(in) :: z(max_states)         !! local coordinates at s = 0
     type(motion_t), intent(inout) :: motion       !! the step as a polynomial
@@ -128,7 +128,7 @@ contains
   subroutine rk4_move(system, frame, motion_state, h, z, z_end)
     class(system_t), intent(in) :: system         !! what moves
     type(frame_t), intent(in) :: frame            !! frame as opened
-    integer, intent(in) :: motion_state           !! motion state
+    integer, intent(in) :: motion_state
     real(wp), intent(in) :: h                     !! step
     real(wp), intent(in) :: z(max_states)         !! local coordinates at s = 0
     real(wp), intent(out) :: z_end(max_states)    !! local coordinates at s = h
