@@ -89,8 +89,8 @@ def critical_on(pair: GearPair, te: TransmissionError, *, parameter: str = "brak
                 **operation: Any) -> CriticalValue:
     """Value from which on a rigid tooth rests on the drive flank: F > max g''; `rigid` law only.
 
-    Arguments, result and errors are those of `critical_full`; outcome may also be 'thrown_off' or 'struck':
-    no value does, because a kink at `phase` throws the tooth off or strikes it.
+    Arguments, result and errors are those of `critical_full`; outcome may also be 'thrown_off' or
+    'struck': no value does, because a kink at `phase` throws the tooth off or strikes it.
     """
     return of_force("on", lift_off_force, pair, te, parameter, values, safe_end, operation)
 
