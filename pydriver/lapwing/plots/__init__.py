@@ -81,7 +81,7 @@ def tasks_of(results: Any) -> list[Task]:
     """
     return [*(Task(f"{module.rpartition('.')[2]}_{name}", module, kind, name)
               for kind in _reading_order()
-              for name in results.studies[kind] for module in FIGURES[kind]
+              for name in results.studies.get(kind, ()) for module in FIGURES[kind]
               if shows(module, results.study(kind, name))),
             *[Task(FIT_FIGURE, FIT_FIGURE, "transmission_error")]
             * ("sample_residual" in results.transmission_error),
