@@ -8,7 +8,7 @@ module lapwing_polynomial_roots
   implicit none
   private
   public :: first_zero, first_descent, critical_points, lift_off, first_nonzero, newton
-  public :: raise_to_largest
+  public :: raise_to_largest, is_parabola, parabola_descent
 
   !> Halvings before two roots closer than 2**-48 of the interval are treated as one.
   integer, parameter :: max_depth = 48
@@ -78,6 +78,44 @@ contains
     end if
     call first_zero(c, length, found, at)
   end subroutine first_descent
+
+  !> Whether a polynomial has no terms beyond the square.
+  pure logical function is_parabola(c)
+    real(wp), intent(in) :: c(0:max_degree)      !! coefficients
+    is_parabola = c(3) == 0 .and. c(4) == 0 .and. c(5) == 0
+  end function is_parabola
+
+  !> `first_descent` of a parabola, by formula: of the two ways to write a root the one that
+  !> subtracts nothing.
+  pure subroutine parabola_descent(c, length, leaves, found, at)
+    real(wp), intent(in) :: c(0:2)               !! coefficients
+    real(wp), intent(in) :: length               !! interval
+    logical, intent(in) :: leaves                !! whether it is known to rise from zero
+    logical, intent(out) :: found                !! whether there is a zero
+    real(wp), intent(out) :: at                  !! where
+    real(wp) :: square
+    found = .false.
+    at = 0
+    if (.not. length >= 0) return
+    if (c(0) > 0) then
+      ! It is nowhere below what its falling terms alone would make of it.
+      if (c(0) + (min(c(1), 0.0_wp) + min(c(2), 0.0_wp)*length)*length > 0) return
+      square = c(1)**2 - 4*c(2)*c(0)
+      if (.not. square >= 0) return
+      if (c(1) < 0) then
+        at = 2*c(0)/(sqrt(square) - c(1))
+      else
+        at = -(sqrt(square) + c(1))/(2*c(2))
+      end if
+    else if (.not. leaves .and. (c(1) < 0 .or. (c(1) == 0 .and. c(2) < 0))) then
+      found = .true.
+      return
+    else
+      if (.not. (c(1) > 0 .and. c(2) < 0)) return
+      at = -c(1)/c(2)
+    end if
+    found = at <= length
+  end subroutine parabola_descent
 
   !> Leftmost sign change on [0, 1], by halving until one variation is left.
   pure subroutine first_zero_on_unit(c, b_whole, allowed, found, x)
@@ -216,6 +254,11 @@ contains
     real(wp), intent(inout) :: most              !! largest value
     real(wp) :: at(max_degree)
     integer :: i, n
+    if (is_parabola(c)) then
+      most = max(most, c(0), c(0) + (c(1) + c(2)*length)*length)
+      if (c(1) > 0 .and. c(1) + 2*c(2)*length < 0) most = max(most, c(0) - 0.25_wp*c(1)**2/c(2))
+      return
+    end if
     most = max(most, c(0), horner(c, length))
     call critical_points(c, length, n, at)
     do i = 1, n

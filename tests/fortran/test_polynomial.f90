@@ -6,7 +6,8 @@ program test_polynomial
   use lapwing_kinds, only: wp
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, value_and_slope, jet, &
       taylor_shift, bernstein, never_below, least, largest
-  use lapwing_polynomial_roots, only: first_zero, critical_points, lift_off
+  use lapwing_polynomial_roots, only: first_zero, first_descent, critical_points, lift_off, &
+      parabola_descent, raise_to_largest
   implicit none
 
   !> Rounding of a degree-five polynomial in Horner's scheme is at most 2*degree units of roundoff
@@ -25,6 +26,8 @@ program test_polynomial
   call test_end_of_interval()
   call test_no_root()
   call test_not_a_number()
+  call test_parabolas()
+  call test_top_of_a_parabola()
   call test_critical_points()
   call tally%finish()
 
@@ -360,4 +363,64 @@ contains
     call random_seed(size=n)
     call random_seed(put=spread(20240229, 1, n))
   end subroutine seed_random
+
+  !> By formula and by isolation: the same crossings, wherever they are not decided by rounding, and
+  !> a value there that is zero to the rounding of its terms.
+  subroutine test_parabolas()
+    real(wp) :: c(0:5), general(0:5), length, at, other, terms, scale
+    logical :: found, found_other, leaves
+    integer :: i
+    real(wp), parameter :: sizes(0:5) = [1.0_wp, 1.0e-3_wp, 1.0e-8_wp, 1.0e-14_wp, 1.0e5_wp, 1.0_wp]
+    do i = 1, 30000
+      c = 0
+      scale = sizes(mod(i, 6))
+      length = scale*(0.1_wp + random())
+      c(0:2) = [random(), (6*random() - 4)/scale, (6*random() - 3)/scale**2]
+      leaves = mod(i, 4) == 0
+      if (leaves .or. mod(i, 11) == 0) c(0) = 0
+      general = c
+      call parabola_descent(c(0:2), length, leaves, found, at)
+      call first_descent(general, length, leaves, found_other, other)
+      if (abs(c(1)**2 - 4*c(2)*c(0)) < 1.0e-6_wp*c(1)**2 .and. c(0) > 0) cycle
+      if (abs(other - length) < 1.0e-9_wp*length) cycle
+      call tally%is_true(found .eqv. found_other, "a parabola is left where isolation leaves it")
+      if (.not. found) cycle
+      call tally%is_true(at >= 0 .and. at <= length, "within the interval")
+      terms = abs(c(0)) + abs(c(1))*at + abs(c(2))*at**2
+      ! Four roundings of the discriminant's terms, its root, a sum and a quotient.
+      call tally%below(real(abs(c(0) + (c(1) + c(2)*real(at, real128))*real(at, real128)), wp), &
+          8*epsilon(at)*terms, "zero of a parabola")
+      call tally%near(at, other, 1.0e-9_wp*length, "the same zero")
+    end do
+    call parabola_descent([1.0_wp, -2.0_wp, 1.0_wp], 2.0_wp, .false., found, at)
+    call tally%is_true(found .and. at == 1, "a touch counts")
+    call parabola_descent([1.0_wp, -2.0_wp, 1.0001_wp], 2.0_wp, .false., found, at)
+    call tally%is_true(.not. found, "a miss does not")
+    call parabola_descent([1.0_wp, 0.0_wp, -1.0_wp], 1.0_wp, .false., found, at)
+    call tally%is_true(found .and. at == 1, "the end counts")
+    call parabola_descent([huge(1.0_wp), -1.0_wp, -1.0_wp], 1.0_wp, .false., found, at)
+    call tally%is_true(.not. found, "what is out of reach is not met")
+    call parabola_descent([0.0_wp, -1.0e-20_wp, 1.0_wp], 1.0_wp, .true., found, at)
+    call tally%is_true(.not. found, "a decided departure is not undone by rounding")
+  end subroutine test_parabolas
+
+  !> Its largest value is at an end or at the top.
+  subroutine test_top_of_a_parabola()
+    real(wp) :: c(0:5), length, most, sampled
+    integer :: i, k
+    do i = 1, 300
+      c = 0
+      c(0:2) = [random() - 0.5_wp, 4*random() - 2, 4*random() - 2]
+      length = 0.1_wp + random()
+      most = -1
+      call raise_to_largest(c, length, most)
+      sampled = -1
+      do k = 0, 1000
+        sampled = max(sampled, horner(c, k*length/1000))
+      end do
+      ! Between samples a parabola rises by no more than c(2) (length/2000)**2.
+      call tally%near(most, sampled, 2*(length/2000)**2 + rounding*5, "top of a parabola")
+      call tally%is_true(most >= sampled - rounding*5, "no sample is higher")
+    end do
+  end subroutine test_top_of_a_parabola
 end program test_polynomial

@@ -9,7 +9,7 @@ module lapwing_flow_exact_extrema
   use lapwing_system_oscillation, only: n_taylor
   use lapwing_flow_exact_slow_contact, only: slow_turn, slow_farthest
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, bernstein_on, largest
-  use lapwing_polynomial_roots, only: newton, raise_to_largest
+  use lapwing_polynomial_roots, only: newton, raise_to_largest, is_parabola
   implicit none
   private
   public :: next_turn, farthest
@@ -131,6 +131,10 @@ contains
     real(wp), intent(in) :: length             !! interval
     real(wp), intent(inout) :: most            !! largest value
     logical :: found
+    if (is_parabola(c)) then
+      call raise_to_largest(c, length, most)
+      return
+    end if
     if (largest(bernstein_on(c, length)) <= most) return
     call raise(c, 0.0_wp, length, most, found)
     if (found) return

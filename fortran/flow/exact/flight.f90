@@ -12,9 +12,9 @@ module lapwing_flow_exact_flight
   use lapwing_flow_exact_panels, only: closed_form_t, locate_panel, start_order, reach
   use lapwing_system_oscillation, only: n_taylor
   use lapwing_flow_exact_root_search, only: target_t, first_crossing, quick_return, only_zero
-  use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, bernstein, &
-      bernstein_on, least, largest
-  use lapwing_polynomial_roots, only: first_descent
+  use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, bernstein_on, &
+      least, largest
+  use lapwing_polynomial_roots, only: first_descent, is_parabola, parabola_descent
   use lapwing_flank, only: locate_piece
   use lapwing_system_exclusion, only: no_sooner
   implicit none
@@ -42,13 +42,15 @@ contains
     integer, intent(in) :: touching            !! flank at zero distance, left at s = 0
     real(wp), intent(in) :: stop               !! latest end
     type(end_t), intent(out) :: at             !! the end
-    logical :: found
+    logical :: found, smooth
     if (curve%near < 0) call expand_start(scene, curve)
-    if (touching /= no_flank) then
+    smooth = is_smooth(scene%flank)
+    ! Over a parabola the return to the flank left is found by formula, however short it is.
+    if (touching /= no_flank .and. (smooth .or. .not. is_parabola(curve%taylor(0:max_degree)))) then
       call bounce(curve, wall, touching, stop, found, at)
       if (found) return
     end if
-    if (is_smooth(scene%flank)) then
+    if (smooth) then
       call flight_over_series(scene, curve, wall, touching, stop, at)
     else
       call flight_over_table(scene, curve, wall, touching, stop, at)
@@ -158,7 +160,7 @@ contains
     end do
   end subroutine pass_blocks
 
-  !> First wall that a polynomial meets.
+  !> First wall that a polynomial meets: a parabola by formula, any other by isolating its roots.
   pure subroutine first_wall(c, length, wall, left, flank, s)
     real(wp), intent(in) :: c(0:max_degree)    !! position
     real(wp), intent(in) :: length             !! interval
@@ -166,19 +168,15 @@ contains
     integer, intent(in) :: left                !! wall left at zero, or none
     integer, intent(out) :: flank              !! wall met, or none
     real(wp), intent(out) :: s                 !! when, or `length`
-    real(wp) :: b(0:max_degree), f(0:max_degree), power, at
+    real(wp) :: b(0:max_degree), f(0:max_degree), at
     integer :: k
-    logical :: found
-    power = 1
-    do k = 0, max_degree
-      b(k) = c(k)*power
-      power = power*length
-    end do
-    b = bernstein(b)
+    logical :: bends_once, found
+    bends_once = is_parabola(c)
+    if (.not. bends_once) b = bernstein_on(c, length)
     flank = no_flank
     s = length
     do k = drive_flank, coast_flank
-      if (k /= left) then
+      if (k /= left .and. .not. bends_once) then
         if (k == drive_flank) then
           if (largest(b) < wall(k)) cycle
         else if (least(b) > wall(k)) then
@@ -188,7 +186,11 @@ contains
       f = c
       f(0) = merge(0.0_wp, c(0) - wall(k), k == left)
       if (k == drive_flank) f = -f
-      call first_descent(f, s, k == left, found, at)
+      if (bends_once) then
+        call parabola_descent(f(0:2), s, k == left, found, at)
+      else
+        call first_descent(f, s, k == left, found, at)
+      end if
       if (.not. found) cycle
       flank = k
       s = at
