@@ -391,10 +391,10 @@ def test_what_the_surroundings_refuse_stops_no_other_deck(tmp_path, no_figures, 
 
     original = of_deck.compute
 
-    def compute(deck, *given):
+    def compute(deck, *given, **keeping):
         if deck.stem == "first":
             raise error
-        return original(deck, *given)
+        return original(deck, *given, **keeping)
 
     monkeypatch.setattr(of_deck, "compute", compute)
     decks = [write_deck(tmp_path, f"{name}.nml") for name in ("first", "second")]
@@ -406,7 +406,7 @@ def test_what_the_surroundings_refuse_stops_no_other_deck(tmp_path, no_figures, 
 
 
 def test_an_error_of_the_program_is_not_hidden(tmp_path, no_figures, monkeypatch):
-    def broken(*_):
+    def broken(*_, **__):
         raise RuntimeError("a mistake")
 
     monkeypatch.setattr("lapwing.studies.of_deck.compute", broken)

@@ -22,11 +22,12 @@ import typer
 from lapwing.base import estimates, exit_codes, signals
 from lapwing.base.exit_codes import MEANINGS, ExitCode
 from lapwing.base.registry import STUDIES
+from lapwing.commands import criticals_of, part_of, refused, run_of
 from lapwing.console import complain, version_line
 
 if TYPE_CHECKING:
+
     from lapwing.deck.deck import Deck
-    from lapwing.progress import Bars, Lines
 
 OK, FAILED, BAD_INPUT, SURROUNDINGS, INTERRUPTED = (
     ExitCode.GOOD, ExitCode.FAILED, ExitCode.BAD_INPUT, ExitCode.SURROUNDINGS,
@@ -83,7 +84,13 @@ def run(decks: Decks,
         force: Annotated[bool, typer.Option(
             "--force", help="replace results of other values")] = False,
         figures: Annotated[Figures, typer.Option(
-            help="formats of the figures; all: PNG and PDF")] = Figures.PNG) -> None:
+            help="formats of the figures; all: PNG and PDF")] = Figures.PNG,
+        shard: Annotated[str | None, typer.Option(
+            metavar="K/N", help="of maps, make part K of N alone and publish nothing; a run "
+            "without it puts the parts together")] = None,
+        executor: Annotated[str | None, typer.Option(
+            metavar="NAME", help="what carries out the shards of maps: mpi (under mpiexec), "
+            "dask=ADDRESS")] = None) -> None:
     """Run decks: DIR/<deck>/ gets result.nc, figures, summary.md and used.nml.
 
     \b
@@ -92,11 +99,27 @@ def run(decks: Decks,
       lapwing run a.nml b.nml --out study --threads 4
       lapwing run a.nml --set operation.pinion_speed_rpm=300 --set sweep.to=20 --out fast
     """  # noqa: D301 - \b keeps click from wrapping the lines
+    from lapwing import executors
     from lapwing.base.threads import default_threads
 
     _refuse_equal_stems(decks)
-    raise typer.Exit(_each(decks, setting, lambda deck, progress: _run(
-        deck, out, threads or default_threads(), force, progress, figures.value)))
+    threads = threads or default_threads()
+    if shard is not None:
+        part, parts = _part(shard)
+        raise typer.Exit(_each(decks, setting, lambda deck, progress: part_of(
+            deck, out, part, parts, threads, progress)))
+    try:
+        with executors.opened(executor) as pool:
+            code = _each(decks, setting, lambda deck, progress: run_of(
+                deck, out, threads, force, progress, figures.value, pool))
+    except executors.NotTheRoot:
+        code = OK
+    except ValueError as error:
+        complain(str(error))
+        code = BAD_INPUT
+    except OSError as error:
+        code = refused(error, f"--executor {executor}: ")
+    raise typer.Exit(code)
 
 
 @app.command()
@@ -113,7 +136,7 @@ def critical(decks: Decks,
     """  # noqa: D301
     from lapwing.base.threads import default_threads
 
-    raise typer.Exit(_each(decks, setting, lambda deck, progress: _critical(
+    raise typer.Exit(_each(decks, setting, lambda deck, progress: criticals_of(
         deck, threads or default_threads(), progress)))
 
 
@@ -208,7 +231,7 @@ def plot(
             code = max(code, BAD_INPUT)
             continue
         except (OSError, MemoryError, RuntimeError) as error:
-            code = max(code, _refused(error, path=file))
+            code = max(code, refused(error, path=file))
             continue
         finally:
             progress.close()
@@ -238,6 +261,16 @@ def _derived(deck: Deck) -> str:
         text += "; samples of the transmission error used raw, their noise as well (harmonics or " \
                 "smoothing fits a curve)"
     return text
+
+
+def _part(text: str) -> tuple[int, int]:
+    """Part and parts of `--shard`."""
+    part, slash, parts = text.partition("/")
+    if slash and part.isascii() and part.isdigit() and parts.isascii() and parts.isdigit() \
+            and 1 <= int(part) <= int(parts):
+        return int(part), int(parts)
+    complain(f"--shard {text}: expected K/N with 1 <= K <= N, as 3/16")
+    raise typer.Exit(BAD_INPUT)
 
 
 def _refuse_equal_stems(decks: list[Path]) -> None:
@@ -291,91 +324,6 @@ def _each(decks: list[Path], settings: list[str], carry_out: Callable[..., Any])
         if signals.heard() is not None or ended >= ExitCode.STOPPED:
             return max(code, exit_codes.of_signal(signals.heard()))
     return code
-
-
-def _refused(error: Any, prefix: str = "", path: Path | None = None) -> ExitCode:
-    """Say in one line what the surroundings refuse; the exit code. Other errors go on."""
-    if not exit_codes.is_of_surroundings(error):
-        raise error
-    complain(prefix + exit_codes.words(error, path))
-    return exit_codes.of_error(error)
-
-
-def _run(deck: Deck, out: Path, threads: int, force: bool, progress: Bars | Lines,
-         figures: str) -> ExitCode:
-    """Run one deck and report; returns its exit code."""
-    from lapwing.results.store import StoreError
-    from lapwing.run import run_deck
-
-    try:
-        outcome = run_deck(deck, out, threads=threads, force=force, progress=progress,
-                           figures=figures)
-    except StoreError as error:
-        complain(str(error))
-        return BAD_INPUT
-    except (OSError, MemoryError, RuntimeError) as error:
-        return _refused(error, f"{deck.title}: ", out)
-    except KeyboardInterrupt:
-        complain(f"{deck.title}: stopped; nothing was finished")
-        return exit_codes.of_signal(signals.heard())
-    finally:
-        progress.close()
-    for note in outcome.notes:
-        complain(note)
-    if outcome.reused:
-        print(f"{deck.title}: results of the same values are there already, reused: "
-              f"{outcome.folder}")
-        _say_findings(outcome.findings)
-        return OK
-    what = "stopped; what is finished lies in" if outcome.interrupted else "done, results in"
-    print(f"{deck.title}: {what} {outcome.folder}")
-    _say_findings(outcome.findings)
-    for line in outcome.headlines:
-        print(f"  {line}")
-    for study in outcome.failed:
-        complain(f"{deck.title}: {study}: failed numerically, see status")
-    for stem, what in outcome.undrawn.items():
-        complain(f"{deck.title}: figure {stem}: {what}")
-    if outcome.interrupted:
-        return exit_codes.of_signal(signals.heard())
-    if outcome.refused:
-        return SURROUNDINGS
-    return FAILED if outcome.failed or outcome.undrawn else OK
-
-
-def _critical(deck: Deck, threads: int, progress: Bars | Lines) -> ExitCode:
-    """Search and print the critical values of one deck; returns its exit code."""
-    from lapwing.report.answers.findings import findings
-    from lapwing.report.critical import critical_table, critical_text
-    from lapwing.studies.critical.study import critical_study
-
-    if not deck.criticals:
-        complain(f"{deck.path}: no &critical in this deck")
-        return BAD_INPUT
-    try:
-        found = [critical_study(deck, study, threads,
-                                progress.study(f"critical {study.name}", 100, "%"))
-                 .assign_attrs(name=study.name) for study in deck.criticals]
-    except KeyboardInterrupt:
-        complain(f"{deck.title}: stopped; nothing was finished")
-        return exit_codes.of_signal(signals.heard())
-    except (OSError, MemoryError, RuntimeError) as error:
-        return _refused(error, f"{deck.title}: ")
-    finally:
-        progress.close()
-    print(f"# {deck.title}\n")
-    _say_findings(findings((), found, ()))
-    print("\n".join(["", *critical_table(found), "", *critical_text(found)]))
-    failed = any("trial_failed" in one and int(one["trial_failed"].sum()) for one in found)
-    return FAILED if failed else OK
-
-
-def _say_findings(found: Any) -> None:
-    """The findings, ahead of everything else."""
-    from lapwing.report.answers.findings import on_console
-
-    if found:
-        print(on_console(found))
 
 
 # The benchmark lies beside the package: an installation has it or has it not.

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 RESULT_FILE = "result.nc"
 USED_DECK = "used.nml"
 SUMMARY = "summary.md"
+# Of a folder in which large studies keep what is finished as long as there is no result.
+SHARDS = ".shards"
 FILES = (RESULT_FILE, USED_DECK, SUMMARY)
 
 

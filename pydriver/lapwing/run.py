@@ -21,6 +21,7 @@ from lapwing.base.threads import checked_threads
 from lapwing.deck import used_hash, used_text
 from lapwing.folder import (
     RESULT_FILE,
+    SHARDS,
     SUMMARY,
     USED_DECK,
     Present,
@@ -46,6 +47,8 @@ from lapwing.results.store import (
 )
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     import xarray as xr
 
     from lapwing.deck.deck import Deck
@@ -54,8 +57,6 @@ if TYPE_CHECKING:
 
 # Formats of figures by what is asked for.
 FIGURES = {"none": (), "png": ("png",), "all": ("png", "pdf")}
-# Of a folder in which large studies keep what is finished as long as there is no result.
-SHARDS = ".shards"
 # Of a folder in which an interrupted run keeps what it finished beside complete results.
 INTERRUPTED = ".interrupted"
 
@@ -89,7 +90,8 @@ class Outcome:
 
 
 def run_deck(deck: Deck, parent: str | os.PathLike[str], *, threads: int | None = None,
-             force: bool = False, progress: Any = None, figures: str = "all") -> Outcome:
+             force: bool = False, progress: Any = None, figures: str = "all",
+             executor: Executor | None = None) -> Outcome:
     """Run a deck into `parent`/<deck>.
 
     1. Take the folder's lock; clear what a run that was killed left beside it.
@@ -110,6 +112,8 @@ def run_deck(deck: Deck, parent: str | os.PathLike[str], *, threads: int | None 
     force : bool, whether everything is computed anew and other results are replaced
     progress : object with `study(label, total, unit)` giving a callable(fraction), or None
     figures : 'none', 'png' or 'all' (PNG and PDF); formats that are there already are kept up
+    executor : concurrent.futures.Executor or None, which carries out the shards of large studies;
+        its workers see `parent`
 
     Returns
     -------
@@ -130,14 +134,16 @@ def run_deck(deck: Deck, parent: str | os.PathLike[str], *, threads: int | None 
         recover(folder)
         there = present_in(folder)
         refuse_others(deck, folder, there, force)
-        return _Run(deck, folder, there, threads, progress, FIGURES[figures]).carry_out(force)
+        return _Run(deck, folder, there, threads, progress, FIGURES[figures],
+                    executor).carry_out(force)
 
 
 class _Run:
     """One deck under way, its folder locked."""
 
     def __init__(self, deck: Deck, folder: Path, there: Present, threads: int, progress: Any,
-                 formats: tuple[str, ...]) -> None:
+                 formats: tuple[str, ...], executor: Executor | None) -> None:
+        self.executor = executor
         self.deck, self.folder, self.there, self.threads = deck, folder, there, threads
         self.report = progress.study if progress else (lambda *_: (lambda _: None))
         self.inputs = used_hash(deck)
@@ -163,8 +169,10 @@ class _Run:
             return Outcome(self.folder, reused=True, findings=findings)
         estimates.require_disk(self.deck, self.folder)
         with DrawingPool(self.threads) as pool:
-            found = compute(self.deck, self.threads, self.report, known, self.shards,
-                            self.notes.append)
+            if force:
+                discard_studies(self.shards)
+            found = compute(self.deck, self.threads, self.report, known, folder=self.shards,
+                            notes=self.notes.append, executor=self.executor)
             return self._publish(found, pool)
 
     def _known(self) -> dict[tuple[str, str], xr.Dataset] | None:

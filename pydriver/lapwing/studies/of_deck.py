@@ -50,8 +50,8 @@ def studies_of(deck: Deck) -> list[tuple[str, str]]:
 
 
 def compute(deck: Deck, threads: int, report: Callable[..., Any],
-            known: dict[tuple[str, str], xr.Dataset] | None = None, folder: Path | None = None,
-            notes: Callable[[str], None] | None = None) -> Found:
+            known: dict[tuple[str, str], xr.Dataset] | None = None,
+            **keeping: Any) -> Found:
     """Run the studies of a deck.
 
     1. Kind by kind (`registry.carried_out`), each in deck order: responses side by side, critical
@@ -65,8 +65,9 @@ def compute(deck: Deck, threads: int, report: Callable[..., Any],
     threads : int
     report : callable(label, total, unit) giving a callable(fraction done)
     known : dict of (kind, name) -> Dataset, finished studies of an earlier run; not run again
-    folder : Path or None, where large studies keep what is finished; each in `shards_of`
-    notes : callable(text) or None, told of what was found there and made again
+    **keeping : for studies that keep shards: `folder`, where each has its own (`shards_of`);
+        `notes`, a callable(text), told of what was found there and made again; `executor`, which
+        carries them out, or None
 
     Returns
     -------
@@ -78,8 +79,7 @@ def compute(deck: Deck, threads: int, report: Callable[..., Any],
             if not deck.studies[study.kind]:
                 continue
             way = _side_by_side if study.side_by_side else _one_by_one
-            if not way(study, deck, threads, report, known, found.studies[study.kind],
-                       folder, notes):
+            if not way(study, deck, threads, report, known, found.studies[study.kind], keeping):
                 found.interrupted = True
                 break
     except KeyboardInterrupt:
@@ -92,17 +92,29 @@ def shards_of(folder: Path, kind: str, name: str) -> Path:
     return folder / f"{kind}_{name}"
 
 
+def compute_part(deck: Deck, part: int, parts: int, threads: int, report: Callable[..., Any],
+                 folder: Path, notes: Callable[[str], None]) -> None:
+    """Make each `parts`-th shard, from the `part`-th on, of each study that has shards."""
+    for study in carried_out():
+        asked_for = deck.studies[study.kind]
+        module: Any = study.part("study") if asked_for else None
+        for asked in asked_for if getattr(module, "KEEPS_SHARDS", False) else ():
+            done = report(f"{study.kind} {asked.name}, part {part} of {parts}", 100, "%")
+            module.carry_out_part(deck, asked, part, parts, threads, done,
+                                  shards_of(folder, study.kind, asked.name), notes)
+
+
 def _one_by_one(study: Study, deck: Deck, threads: int, report: Callable[..., Any],
                 known: dict[tuple[str, str], xr.Dataset], found: dict[str, Any],
-                folder: Path | None, notes: Callable[[str], None] | None) -> bool:
+                keeping: dict[str, Any]) -> bool:
     """Add the studies of a kind; returns whether none was stopped."""
     for order, asked in enumerate(deck.studies[study.kind]):
         dataset = known.get((study.kind, asked.name))
         if dataset is None:
             part = study.part("study")
             done = report(f"{study.kind} {asked.name}", *part.extent(asked))
-            kept = {"folder": shards_of(folder, study.kind, asked.name), "notes": notes} \
-                if folder and getattr(part, "KEEPS_SHARDS", False) else {}
+            kept = {**keeping, "folder": shards_of(keeping["folder"], study.kind, asked.name)} \
+                if keeping and getattr(part, "KEEPS_SHARDS", False) else {}
             dataset = part.carry_out(deck, asked, order, threads, done, **kept)
         found[asked.name] = dataset
         if not is_finished(dataset):
@@ -112,7 +124,7 @@ def _one_by_one(study: Study, deck: Deck, threads: int, report: Callable[..., An
 
 def _side_by_side(study: Study, deck: Deck, threads: int, report: Callable[..., Any],
                   known: dict[tuple[str, str], xr.Dataset], found: dict[str, Any],
-                  *_: object) -> bool:
+                  _: object) -> bool:
     """The same, several at a time."""
     from lapwing.studies.side_by_side import side_by_side
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import replace
 from pathlib import Path
@@ -32,8 +32,9 @@ if TYPE_CHECKING:
 STARTS = ("rest", "up", "down")
 # Numbers that a run without a result does not have.
 REALS = tuple(name for name, kind in KEPT.items() if kind is float)
-# Shards handed to an executor beyond those that it works at.
-AHEAD = 4
+# Shards handed over beyond those that are worked at: to threads, and to another executor, of which
+# it is not known how many workers it has.
+AHEAD, FAR_AHEAD = 4, 1000
 
 
 def parameter_map(pair: GearPair, te: TransmissionError, axes: Mapping[str, Any], *,
@@ -91,7 +92,8 @@ def parameter_map(pair: GearPair, te: TransmissionError, axes: Mapping[str, Any]
     OSError
         where a shard cannot be written.
     """
-    job = _job(pair, te, axes, line, start, settle, record, phase, numerics, shard_runs, operation)
+    job = job_of(pair, te, axes, line=line, start=start, settle=settle, record=record, phase=phase,
+                 numerics=numerics, shard_runs=shard_runs, **operation)
     if executor is not None and folder is None:
         raise ValueError("parameter_map: executor wants a folder, which its workers see as well")
     arguments.flag("keep_interrupted", keep_interrupted)
@@ -114,10 +116,22 @@ def parameter_map(pair: GearPair, te: TransmissionError, axes: Mapping[str, Any]
     return _dataset(job, found, interrupted)
 
 
-def _job(pair: GearPair, te: TransmissionError, axes: Any, line: str | None, start: str,
-         settle: int, record: int, phase: float, numerics: Numerics | None, shard_runs: int | None,
-         operation: dict[str, Any]) -> Job:
-    """The checked arguments as a `Job`, or every problem at once."""
+def make_part(job: Job, folder: Path, part: int, parts: int, threads: int,
+              progress: Callable[[float], object] | None = None,
+              notes: Callable[[str], object] | None = None) -> None:
+    """Make each `parts`-th shard of a map, from the `part`-th on (1 to `parts`), and nothing more.
+
+    So many processes, on one machine or many that see the folder, each with a part of its own, make
+    a map between them; `parameter_map` puts it together.
+    """
+    found = _Found(job, notes or (lambda _: None))
+    _Work(job, folder, found, progress, range(part - 1, job.shards, parts)).carry_out(None, threads)
+
+
+def job_of(pair: GearPair, te: TransmissionError, axes: Any, *, line: str | None, start: str,
+           settle: int, record: int, phase: float, numerics: Numerics | None,
+           shard_runs: int | None, **operation: Any) -> Job:
+    """The checked arguments of `parameter_map` as a `Job`, or every problem at once."""
     taken = Refusals()
     taken.take(arguments.instance, "pair", pair, GearPair)
     taken.take(arguments.instance, "te", te, TransmissionError)
@@ -197,15 +211,17 @@ class _Work:
     """Shards handed out and gathered."""
 
     def __init__(self, job: Job, folder: Path | None, found: _Found,
-                 progress: Callable[[float], object] | None) -> None:
+                 progress: Callable[[float], object] | None,
+                 indices: Iterable[int] | None = None) -> None:
         self.job, self.folder, self.found = job, folder, found
+        self._indices = list(range(job.shards) if indices is None else indices)
         self._progress = progress
         self._parts = np.zeros(job.shards)
         self._stop = threading.Event()
 
     def carry_out(self, executor: Executor | None, threads: int) -> None:
         """Read what lies there, make the rest."""
-        left = [index for index in range(self.job.shards) if not self._read(index)]
+        left = [index for index in self._indices if not self._read(index)]
         self._tell()
         if not left:
             return
@@ -217,7 +233,7 @@ class _Work:
                 def submit(index: int) -> Future[Any]:
                     return pool.submit(self._make, index)
             else:
-                ahead, folder = AHEAD * threads, self.folder or Path()
+                ahead, folder = FAR_AHEAD, self.folder or Path()
 
                 def submit(index: int) -> Future[Any]:
                     return executor.submit(make_shard, self.job, index, folder)
@@ -291,7 +307,7 @@ class _Work:
         if index is not None:
             self._parts[index] = part
         if self._progress is not None:
-            self._progress(float(self._parts.mean()))
+            self._progress(float(self._parts[self._indices].mean()) if self._indices else 1.0)
 
 
 def _dataset(job: Job, found: _Found, interrupted: bool) -> xr.Dataset:

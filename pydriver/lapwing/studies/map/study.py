@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +17,7 @@ from lapwing.model.linear_response import critical_torque
 from lapwing.studies import cost
 from lapwing.studies.labels import labels
 from lapwing.studies.map.grid import Grid
-from lapwing.studies.map.run import parameter_map
+from lapwing.studies.map.run import job_of, make_part, parameter_map
 from lapwing.studies.sweep.varied import oscillator_at
 
 if TYPE_CHECKING:
@@ -44,16 +45,29 @@ def failed(dataset: xr.Dataset) -> str:
 
 def carry_out(deck: Deck, study: Asked, order: int, threads: int,
               done: Callable[[float], None] | None, folder: Path | None = None,
-              notes: Callable[[str], None] | None = None) -> xr.Dataset:
+              notes: Callable[[str], None] | None = None,
+              executor: Executor | None = None) -> xr.Dataset:
     """One map of a deck; a signal keeps the shards that are finished. See `registry`."""
     result = parameter_map(
-        deck.gear_pair, deck.te, study.axes, line=study.y_parameter, start=study.start,
-        settle=study.settle_cycles, record=study.record_cycles,
-        phase=deck.numerics["start_phase"], numerics=Numerics(**deck.numerics_of(study)),
-        shard_runs=study.shard_runs, folder=folder, threads=threads, progress=done, notes=notes,
-        keep_interrupted=True, **study.operation)
+        **_arguments(deck, study), folder=folder, threads=threads, progress=done, notes=notes,
+        executor=executor, keep_interrupted=True)
     return result.assign(_full_engagement(deck, study)).assign_attrs(
         labels(deck, study) | {"x_parameter": study.x_parameter, "y_parameter": study.y_parameter})
+
+
+def carry_out_part(deck: Deck, study: Asked, part: int, parts: int, threads: int,
+                   done: Callable[[float], None] | None, folder: Path,
+                   notes: Callable[[str], None] | None = None) -> None:
+    """Make each `parts`-th shard of a map, from the `part`-th on; see `run.make_part`."""
+    make_part(job_of(**_arguments(deck, study)), folder, part, parts, threads, done, notes)
+
+
+def _arguments(deck: Deck, study: Asked) -> dict[str, Any]:
+    """What a deck says of a map, as `parameter_map` takes it."""
+    return {"pair": deck.gear_pair, "te": deck.te, "axes": study.axes, "line": study.y_parameter,
+            "start": study.start, "settle": study.settle_cycles, "record": study.record_cycles,
+            "phase": deck.numerics["start_phase"], "numerics": Numerics(**deck.numerics_of(study)),
+            "shard_runs": study.shard_runs, **study.operation}
 
 
 def _full_engagement(deck: Deck, study: Asked) -> dict[str, Any]:

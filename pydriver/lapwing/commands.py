@@ -1,0 +1,132 @@
+"""What the commands do with each deck, and what they say of it on the console."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lapwing.base import exit_codes, signals
+from lapwing.base.exit_codes import ExitCode
+from lapwing.console import complain
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from lapwing.deck.deck import Deck
+    from lapwing.progress import Bars, Lines
+
+OK, FAILED, BAD_INPUT, SURROUNDINGS = (
+    ExitCode.GOOD, ExitCode.FAILED, ExitCode.BAD_INPUT, ExitCode.SURROUNDINGS)
+
+
+def refused(error: Any, prefix: str = "", path: Path | None = None) -> ExitCode:
+    """Say in one line what the surroundings refuse; the exit code. Other errors go on."""
+    if not exit_codes.is_of_surroundings(error):
+        raise error
+    complain(prefix + exit_codes.words(error, path))
+    return exit_codes.of_error(error)
+
+
+def part_of(deck: Deck, out: Path, part: int, parts: int, threads: int,
+              progress: Bars | Lines) -> ExitCode:
+    """Make a part of a deck's shards and report; returns its exit code."""
+    from lapwing.part import run_part
+    from lapwing.results.store import StoreError
+
+    if not deck.studies["map"]:
+        complain(f"{deck.path}: --shard goes with &map; the deck has none")
+        return BAD_INPUT
+    try:
+        notes = run_part(deck, out, part, parts, threads=threads, progress=progress)
+    except StoreError as error:
+        complain(str(error))
+        return BAD_INPUT
+    except (OSError, MemoryError, RuntimeError) as error:
+        return refused(error, f"{deck.title}: ", out)
+    except KeyboardInterrupt:
+        complain(f"{deck.title}: stopped; the shards that are finished stay")
+        return exit_codes.of_signal(signals.heard())
+    finally:
+        progress.close()
+    for note in notes:
+        complain(note)
+    print(f"{deck.title}: part {part} of {parts} is done; lapwing run without --shard puts the "
+          "parts together")
+    return OK
+
+
+def run_of(deck: Deck, out: Path, threads: int, force: bool, progress: Bars | Lines,
+         figures: str, executor: Executor | None = None) -> ExitCode:
+    """Run one deck and report; returns its exit code."""
+    from lapwing.results.store import StoreError
+    from lapwing.run import run_deck
+
+    try:
+        outcome = run_deck(deck, out, threads=threads, force=force, progress=progress,
+                           figures=figures, executor=executor)
+    except StoreError as error:
+        complain(str(error))
+        return BAD_INPUT
+    except (OSError, MemoryError, RuntimeError) as error:
+        return refused(error, f"{deck.title}: ", out)
+    except KeyboardInterrupt:
+        complain(f"{deck.title}: stopped; nothing was finished")
+        return exit_codes.of_signal(signals.heard())
+    finally:
+        progress.close()
+    for note in outcome.notes:
+        complain(note)
+    if outcome.reused:
+        print(f"{deck.title}: results of the same values are there already, reused: "
+              f"{outcome.folder}")
+        say_findings(outcome.findings)
+        return OK
+    what = "stopped; what is finished lies in" if outcome.interrupted else "done, results in"
+    print(f"{deck.title}: {what} {outcome.folder}")
+    say_findings(outcome.findings)
+    for line in outcome.headlines:
+        print(f"  {line}")
+    for study in outcome.failed:
+        complain(f"{deck.title}: {study}: failed numerically, see status")
+    for stem, what in outcome.undrawn.items():
+        complain(f"{deck.title}: figure {stem}: {what}")
+    if outcome.interrupted:
+        return exit_codes.of_signal(signals.heard())
+    if outcome.refused:
+        return SURROUNDINGS
+    return FAILED if outcome.failed or outcome.undrawn else OK
+
+
+def criticals_of(deck: Deck, threads: int, progress: Bars | Lines) -> ExitCode:
+    """Search and print the critical values of one deck; returns its exit code."""
+    from lapwing.report.answers.findings import findings
+    from lapwing.report.critical import critical_table, critical_text
+    from lapwing.studies.critical.study import critical_study
+
+    if not deck.criticals:
+        complain(f"{deck.path}: no &critical in this deck")
+        return BAD_INPUT
+    try:
+        found = [critical_study(deck, study, threads,
+                                progress.study(f"critical {study.name}", 100, "%"))
+                 .assign_attrs(name=study.name) for study in deck.criticals]
+    except KeyboardInterrupt:
+        complain(f"{deck.title}: stopped; nothing was finished")
+        return exit_codes.of_signal(signals.heard())
+    except (OSError, MemoryError, RuntimeError) as error:
+        return refused(error, f"{deck.title}: ")
+    finally:
+        progress.close()
+    print(f"# {deck.title}\n")
+    say_findings(findings((), found, ()))
+    print("\n".join(["", *critical_table(found), "", *critical_text(found)]))
+    failed = any("trial_failed" in one and int(one["trial_failed"].sum()) for one in found)
+    return FAILED if failed else OK
+
+
+def say_findings(found: Any) -> None:
+    """The findings, ahead of everything else."""
+    from lapwing.report.answers.findings import on_console
+
+    if found:
+        print(on_console(found))

@@ -1,0 +1,45 @@
+"""A part of a deck's large studies, for several processes or machines to share the work."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from lapwing.base.threads import checked_threads
+from lapwing.folder import SHARDS, folder_of
+
+if TYPE_CHECKING:
+    import os
+
+    from lapwing.deck.deck import Deck
+
+
+def run_part(deck: Deck, parent: str | os.PathLike[str], part: int, parts: int, *,
+             threads: int | None = None, progress: Any = None) -> tuple[str, ...]:
+    """Make each `parts`-th shard of a deck's large studies, from the `part`-th on; publish nothing.
+
+    So many calls, in processes of their own, share the work; `run_deck` puts it together, and makes
+    what is missing. No lock is taken: shards appear whole.
+
+    Parameters
+    ----------
+    deck, parent, threads, progress : as for `run_deck`
+    part, parts : int, 1 <= part <= parts
+
+    Returns
+    -------
+    tuple of str, shards that were found damaged or of something else, and made again
+
+    Raises
+    ------
+    OSError
+        where a shard cannot be written.
+    """
+    from lapwing.studies.of_deck import compute_part
+
+    folder = folder_of(deck.stem, parent)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    notes: list[str] = []
+    report = progress.study if progress else (lambda *_: (lambda _: None))
+    compute_part(deck, part, parts, checked_threads(threads), report,
+                 folder.with_name(folder.name + SHARDS), notes.append)
+    return tuple(notes)

@@ -1,0 +1,180 @@
+"""Maps carried out by MPI, by Dask and in parts: the same bytes, also after one of them is lost.
+
+MPI and Dask are extras: `pip install 'lapwing[mpi,dask]'`.
+"""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from helpers import dataset_bytes
+from lapwing import executors
+from lapwing.results import checksums
+from lapwing.results.shards import shards_in
+
+DECK = """
+&gear_pair
+  pinion_teeth = 25, gear_teeth = 32
+  pinion_inertia = 0.0078, gear_inertia = 0.026
+  pinion_base_lever = 0.034, mesh_stiffness = 3.12e8, backlash = 0.002
+  restitution = 0.8, damping_ratio = 0.1
+/
+&transmission_error harmonic_amplitude = 17e-6, 4.5e-6, 1.5e-6, harmonic_shift = 0, 1, 2 /
+&map
+  name = 'plane'
+  x_parameter = 'pinion_speed_rpm', x_from = 1500, x_to = 2100, x_count = 4
+  y_from = 4, y_to = 9, y_count = 40
+  settle_cycles = 800
+  shard_runs = 4
+/
+"""
+SHARDS = 40
+LAPWING = [sys.executable, "-m", "lapwing"]
+
+
+@pytest.fixture(scope="module")
+def deck(tmp_path_factory):
+    path = tmp_path_factory.mktemp("map") / "plane.nml"
+    path.write_text(DECK, encoding="utf-8")
+    return path
+
+
+def call(*words, **options):
+    done = subprocess.run([*map(str, words)], capture_output=True, text=True, check=False,
+                          **options)
+    return done.returncode, done.stdout + done.stderr
+
+
+def run(deck, out, *options, before=()):
+    return call(*before, *LAPWING, "run", deck, "--out", out, "--figures", "none", *options)
+
+
+def numbers(out):
+    found = checksums(out / "plane" / "result.nc")
+    return {name: one for name, one in found.items() if name.startswith("/map_plane/")}
+
+
+@pytest.fixture(scope="module")
+def expected(deck, tmp_path_factory):
+    out = tmp_path_factory.mktemp("alone")
+    code, said = run(deck, out, "--threads", "1")
+    assert code == 0, said
+    return numbers(out)
+
+
+def test_parts_make_a_whole(deck, expected, tmp_path):
+    folder = tmp_path / "plane.shards" / "map_plane"
+    for part in (3, 1):
+        code, said = run(deck, tmp_path, "--shard", f"{part}/3")
+        assert code == 0 and f"part {part} of 3 is done" in said
+    assert shards_in(folder) == [i for i in range(SHARDS) if i % 3 != 1]
+    code, said = run(deck, tmp_path)  # which makes what is missing
+    assert code == 0 and numbers(tmp_path) == expected
+    assert [path.name for path in tmp_path.iterdir()] == ["plane"]
+
+
+@pytest.mark.parametrize("part", ["0/3", "4/3", "1", "1/", "a/b", "-1/3", "1/3/5", "²/3"])
+def test_odd_parts_are_refused(deck, part, tmp_path):
+    code, said = run(deck, tmp_path, f"--shard={part}")
+    assert code == 2 and "expected K/N with 1 <= K <= N" in said
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_deck_without_maps_has_no_parts(tmp_path):
+    code, said = run(Path(__file__).parents[1] / "inputs" / "minimal.nml", tmp_path,
+                     "--shard", "1/2")
+    assert code == 2 and "--shard goes with &map; the deck has none" in said
+
+
+@pytest.mark.parametrize("name", ["foo", "dask", "dask=", "mpi=3"])
+def test_unknown_executors_are_refused(name):
+    with pytest.raises(ValueError, match="expected mpi, or dask=ADDRESS"), executors.opened(name):
+        pass
+
+
+@pytest.mark.parametrize(("name", "package"), [("mpi", "mpi4py.futures"),
+                                               ("dask=tcp://127.0.0.1:9", "distributed")])
+def test_a_package_that_is_missing_is_named(name, package, monkeypatch):
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(ValueError, match=r"pip install 'lapwing\["), executors.opened(name):
+        pass
+
+
+def test_none_is_named():
+    with executors.opened(None) as executor:
+        assert executor is None
+
+
+def ranks():
+    """The command that begins so many processes under MPI; skipped where there is none."""
+    pytest.importorskip("mpi4py")
+    found = shutil.which("mpiexec", path=os.pathsep.join([str(Path(sys.executable).parent),
+                                                          os.environ["PATH"]]))
+    return [found, "-n", "3"] if found else pytest.skip("no mpiexec")
+
+
+def test_mpi_makes_the_same(deck, expected, tmp_path):
+    code, said = run(deck, tmp_path, "--executor", "mpi", before=ranks())
+    assert code == 0, said
+    assert said.count("done, results in") == 1 and numbers(tmp_path) == expected
+
+
+def test_a_killed_rank_ends_the_job_and_the_same_command_goes_on(deck, expected, tmp_path):
+    folder = tmp_path / "plane.shards" / "map_plane"
+    job = subprocess.Popen([*ranks(), *LAPWING, "run", deck, "--out", tmp_path, "--figures", "none",
+                            "--executor", "mpi"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    while len(shards_in(folder)) < 5 and job.poll() is None:
+        time.sleep(0.01)
+    worker = max(children(job.pid))
+    os.kill(worker, signal.SIGKILL)
+    job.communicate()
+    assert job.returncode != 0 and not (tmp_path / "plane").exists()
+    assert 5 <= len(shards_in(folder)) < SHARDS
+    code, said = run(deck, tmp_path, "--executor", "mpi", before=ranks())
+    assert code == 0 and "again" not in said, said
+    assert numbers(tmp_path) == expected
+
+
+def children(pid):
+    """Processes below one that run this package."""
+    found = []
+    for line in subprocess.run(["ps", "-eo", "pid,ppid,args"], capture_output=True, text=True,
+                               check=True).stdout.splitlines()[1:]:
+        own, parent, args = line.split(None, 2)
+        if int(parent) == pid or int(parent) in [one for one, _ in found]:
+            found.append((int(own), args))
+    return [one for one, args in found if "-m lapwing" in args and "mpiexec" not in args]
+
+
+def test_dask_makes_the_same_though_a_worker_is_killed(tmp_path):
+    distributed = pytest.importorskip("distributed")
+    import numpy as np
+
+    from lapwing import TransmissionError, parameter_map
+    from lapwing_bench.scenes import PAIR
+
+    te = TransmissionError.harmonic([17e-6, 4.5e-6, 1.5e-6], [0.0, 1.0, 2.0], [1, 2, 3])
+    axes = {"pinion_speed_rpm": np.linspace(1500, 2100, 4), "brake_torque": np.linspace(4, 9, 40)}
+    options = {"settle": 800, "shard_runs": 4}
+    killed = []
+
+    def kill_one(fraction):
+        if fraction > 0.2 and not killed:
+            killed.append(workers[0])
+            os.kill(workers[0], signal.SIGKILL)
+
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None,
+                                  silence_logs=50) as cluster, \
+            distributed.Client(cluster) as client, \
+            client.get_executor(pure=False, retries=3) as executor:
+        workers = list(client.run(os.getpid).values())
+        found = parameter_map(PAIR, te, axes, folder=tmp_path, executor=executor,
+                              progress=kill_one, **options)
+    assert killed and shards_in(tmp_path) == list(range(SHARDS))
+    assert dataset_bytes(found) == dataset_bytes(parameter_map(PAIR, te, axes, **options))
