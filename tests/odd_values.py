@@ -11,6 +11,7 @@ import json
 import math
 import resource
 import sys
+import tempfile
 import warnings
 
 import numpy as np
@@ -124,6 +125,14 @@ CASES = {
         "pair": PAIR, "te": TE, "parameter": "brake_torque", "values": [12.0, 13.0],
         "starts": ("rest",), "observe": ("cycles",), "phase": 0.0, **NUMERICS,
         "max_impacts": 20, "threads": 1, "progress": None, "keep_interrupted": False, **SHORT}),
+    "parameter_map": (lw.parameter_map, {
+        "pair": PAIR, "te": TE, "axes": {"brake_torque": [12.0], "backlash": [1e-3]},
+        "line": "backlash", "start": "up", "phase": 0.0, "numerics": None, "shard_runs": 1,
+        "folder": None, "executor": None, "threads": 1, "progress": None, "notes": None,
+        "keep_interrupted": False, **SHORT}),
+    "parameter_map.axes": (lambda backlash: lw.parameter_map(
+        PAIR, TE, {"brake_torque": [12.0], "backlash": backlash}, settle=1, record=1,
+        pinion_speed_rpm=300), {"backlash": [1e-3]}),
     "find_orbit": (lw.find_orbit, {"osc": OSC, "start": STATE, "cycles": 1, "settle": 3}),
     "exponents": (lw.exponents, {"osc": OSC, "start": "rest", "phase": 0.0, "settle": 1,
                                  "record": 2}),
@@ -180,7 +189,9 @@ def outcome(function, arguments, argument):
 if __name__ == "__main__":
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     assert MotionState(0) == 0
-    for wanted in json.loads(sys.argv[1]):
-        for line in batch(wanted, FAST if sys.argv[2] == "fast" else tuple(ODD)):
-            print(line, flush=True)
-        print(f"done {wanted}", flush=True)
+    # Where a text is a path, something is written there.
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        for wanted in json.loads(sys.argv[1]):
+            for line in batch(wanted, FAST if sys.argv[2] == "fast" else tuple(ODD)):
+                print(line, flush=True)
+            print(f"done {wanted}", flush=True)

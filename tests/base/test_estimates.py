@@ -174,7 +174,8 @@ def test_a_disk_that_is_too_small_is_refused_before_work(tmp_path, monkeypatch, 
     assert exit_codes.of_error(caught.value) == exit_codes.ExitCode.SURROUNDINGS
     full = shutil.disk_usage(tmp_path)._replace(free=1000)
     monkeypatch.setattr(estimates.shutil, "disk_usage", lambda path: full)
-    monkeypatch.setattr("lapwing.studies.of_deck.compute", lambda *_, **__: pytest.fail("it worked"))
+    monkeypatch.setattr("lapwing.studies.of_deck.compute",
+                        lambda *_, **__: pytest.fail("it worked"))
     with pytest.raises(OSError, match="1 kB are free"):
         run_deck(loaded, tmp_path / "out", threads=1)
     assert not (tmp_path / "out" / "deck").exists()

@@ -176,10 +176,10 @@ def choices(name: str, value: object, allowed: Iterable[str], *, least: int = 0)
 
 def path(name: str, value: object) -> str | os.PathLike[str]:
     """A path; a number would be taken for an open file, and that be closed."""
-    expected = "a path: text or os.PathLike, without null characters"
+    expected = "a path: text or os.PathLike, not empty, without null characters"
     if not isinstance(value, str | os.PathLike):
         raise TypeError(wrong(name, value, expected))
-    if "\0" in os.fsdecode(value):
+    if "\0" in os.fsdecode(value) or not os.fsdecode(value):
         raise ValueError(wrong(name, value, expected))
     return value
 
