@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lapwing import __version__
-from lapwing.base import estimates
+from lapwing.base import arguments, estimates
 from lapwing.base.signals import held
 from lapwing.base.threads import checked_threads
 from lapwing.deck import used_hash, used_text
@@ -121,13 +121,22 @@ def run_deck(deck: Deck, parent: str | os.PathLike[str], *, threads: int | None 
 
     Raises
     ------
+    TypeError, ValueError
+        for refused arguments.
     lapwing.results.store.StoreError
         where the folder is another's: `FolderError` for results of other values without `force`
         or files that no run wrote, `LockedError` while another run writes there.
     OSError
         where something cannot be written; what lay there is still there.
     """
-    threads = checked_threads(threads)
+    from lapwing.deck.deck import Deck
+
+    arguments.instance("deck", deck, Deck)
+    arguments.path("parent", parent)
+    threads, force = checked_threads(threads), arguments.flag("force", force)
+    arguments.choice("figures", figures, FIGURES)
+    if progress is not None:
+        arguments.function("progress.study", getattr(progress, "study", None))
     folder = folder_of(deck.stem, parent)
     folder.parent.mkdir(parents=True, exist_ok=True)
     with FolderLock(folder):

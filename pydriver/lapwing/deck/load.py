@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
+from lapwing.base import arguments
 from lapwing.base.messages import cut
 from lapwing.deck import schema
 from lapwing.deck.checks import assemble as checks
@@ -49,7 +50,11 @@ def load_deck(path: Any, overrides: Any = ()) -> Deck:
     ------
     DeckError
         with every problem of the deck, of the overrides and of the file of the transmission error.
+    TypeError, ValueError
+        where an argument is of another kind.
     """
+    arguments.path("path", path)
+    overrides = _pairs(overrides)
     report = Report()
     text = read_deck(path, report)
     if text is None:
@@ -58,11 +63,27 @@ def load_deck(path: Any, overrides: Any = ()) -> Deck:
     for name, value in overrides:
         _override(groups, name, value, report)
     read = [_GroupReader(group, report) for group in groups]
-    given = tuple((name, value) for name, value in overrides)
-    deck = checks.assemble(Path(path), text, given, read, report)
+    deck = checks.assemble(Path(path), text, overrides, read, report)
     if report.refusals or deck is None:
         raise DeckError(report.errors)
     return deck
+
+
+def _pairs(overrides: Any) -> tuple[tuple[str, str], ...]:
+    """Overrides as pairs of text."""
+    expected = "a sequence of (key, value text)"
+    try:
+        pairs = None if isinstance(overrides, str | bytes | dict) \
+            else tuple(tuple(pair) for pair in overrides)
+    except TypeError:
+        pairs = None
+    if pairs is None or not all(map(_is_pair, pairs)):
+        raise TypeError(arguments.wrong("overrides", overrides, expected))
+    return pairs
+
+
+def _is_pair(pair: tuple[Any, ...]) -> bool:
+    return len(pair) == 2 and all(isinstance(one, str) for one in pair)
 
 
 def _known_groups(groups: list[Group], report: Report) -> list[Group]:

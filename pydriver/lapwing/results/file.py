@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from lapwing.base import arguments
 from lapwing.base.messages import facts_html
 from lapwing.base.registry import STUDIES, give_accessor
 from lapwing.base.signals import held
@@ -336,10 +337,13 @@ def read_results(path: Any, check: bool = True) -> Results:
         where there is no such file or it is no netCDF file.
     ValueError
         where it is a netCDF file, but none of ours.
+    TypeError
+        where an argument is of another kind.
     """
     import netCDF4
 
-    verified = verify(path) if check else True
+    arguments.path("path", path)
+    verified = verify(path) if arguments.flag("check", check) else True
     with netCDF4.Dataset(path) as file:
         if "lapwing_version" not in file.ncattrs() or "gear_pair" not in file.groups:
             raise ValueError(f"{path} is no result file of Lapwing")
