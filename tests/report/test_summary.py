@@ -3,6 +3,7 @@
 import dataclasses
 import math
 import re
+import warnings
 
 import numpy as np
 import pytest
@@ -81,6 +82,17 @@ def test_without_a_coast_flank_no_gap_is_told():
                                 name="one", **SHORT).attrs)
     assert "part by up to 321.2 µrad and strike 5 times per cycle" in words
     assert "There are no coast flanks." in words and "the coast flanks" not in words
+    assert not re.search(r"\b(nan|inf)\b", words)
+
+
+def test_multipliers_below_the_least_number_are_not_told():
+    """exp(-ξ·P) underflows where the mesh period is long: -inf is no exponent of a damped tooth."""
+    osc = dataclasses.replace(scene_a(100.0), mesh_frequency_ratio=1e-4)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        words = _paragraph(response(osc, PAIR, name="one", exponents=True, settle=1, record=4,
+                                    samples_per_cycle=8).attrs)
+    assert "multipliers and exponents cannot be told" in words
     assert not re.search(r"\b(nan|inf)\b", words)
 
 

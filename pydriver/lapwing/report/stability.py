@@ -35,6 +35,9 @@ def stability_sentence(attrs: dict[str, Any]) -> str:
     if attrs["tangent_rank"] == 0:
         return ("The tooth comes to rest on the rigid flank and forgets every deviation (largest "
                 "Lyapunov exponent -∞)." + _checks(attrs))
+    if attrs["lyapunov_exponent"] == -math.inf:
+        return ("Every deviation dies out within the mesh period beyond what numbers hold: "
+                "multipliers and exponents cannot be told." + _confirmed(attrs) + _checks(attrs))
     if "multiplier_real" in attrs:
         text = (f"Floquet multipliers over {_cycles(attrs['period'])}: {_multipliers(attrs)}; the "
                 "largest Lyapunov exponent is ")

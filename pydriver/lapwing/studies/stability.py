@@ -253,7 +253,8 @@ def exponents(maps: CycleMaps, period: int = 0, scale: float = math.inf,
         last = multipliers(maps[-period:], scale)
         largest, second = last.exponents
         error = math.nan
-        if len(maps.rank) >= 2 * period and rank:
+        # Multipliers below the least number leave no exponent, and no error of it.
+        if len(maps.rank) >= 2 * period and rank and math.isfinite(largest):
             error = abs(largest - multipliers(maps[-2 * period:-period], scale).exponents[0])
         return Exponents(float(largest), float(second), float(error), np.empty(0), last.rank,
                          near, maps.period, last.warning)
