@@ -151,7 +151,7 @@ CASES = {
     "parameter_map": (lw.parameter_map, {
         "pair": PAIR, "te": TE, "axes": {"brake_torque": [12.0], "backlash": [1e-3]},
         "line": "backlash", "start": "up", "phase": 0.0, "numerics": None, "shard_runs": 1,
-        "folder": None, "executor": None, "threads": 1, "progress": None, "notes": None,
+        "folder": FOLDER / "map", "executor": None, "threads": 1, "progress": None, "notes": None,
         "keep_interrupted": False, **SHORT}),
     "parameter_map.axes": (lambda backlash: lw.parameter_map(
         PAIR, TE, {"brake_torque": [12.0], "backlash": backlash}, settle=1, record=1,
@@ -173,13 +173,14 @@ CASES = {
     "settled_state": (lw.settled_state, {"osc": OSC, "cycles": 2, "start": "rest"}),
     "load_deck": (lw.load_deck, {"path": DECK, "overrides": [("operation.brake_torque", "2")]}),
     "run_deck": (lw.run_deck, {"deck": lw.load_deck(DECK), "parent": FOLDER / "r", "threads": 1,
-                               "force": False, "progress": None, "figures": "none"}),
+                               "force": False, "progress": None, "figures": "none",
+                               "executor": None}),
     "open_results": (lw.open_results, {"path": FOLDER / "r" / "odd" / "result.nc", "check": True}),
     "Numerics": (Numerics, {**NUMERICS, "copy_repeats": True}),
 }
-# Enumerations and errors are Python's own; a version is a text.
+# Enumerations and errors are Python's own; a version is a text; a bar is a context.
 NOT_CALLED = {"EventKind", "MotionState", "Status", "__version__", "NoOrbit", "ParameterError",
-              "load_deck", "run_deck", "open_results", "progress_bar"}
+              "progress_bar"}
 # What a call may end in besides a result, TypeError and ValueError: documented at its place.
 ALLOWED = (NoOrbit, OSError, TransmissionErrorFileError, DeckError, StoreError)
 

@@ -18,7 +18,7 @@ from lapwing import __version__
 from lapwing.base import arguments, estimates
 from lapwing.base.signals import held
 from lapwing.base.threads import checked_threads
-from lapwing.deck import used_hash, used_text
+from lapwing.deck import Deck, used_hash, used_text
 from lapwing.folder import (
     RESULT_FILE,
     SHARDS,
@@ -51,7 +51,6 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from lapwing.deck.deck import Deck
     from lapwing.plots.pool import DrawingPool
     from lapwing.studies.of_deck import Found
 
@@ -129,22 +128,18 @@ def run_deck(deck: Deck, parent: str | os.PathLike[str], *, threads: int | None 
     OSError
         where something cannot be written; what lay there is still there.
     """
-    from lapwing.deck.deck import Deck
-
     arguments.instance("deck", deck, Deck)
-    arguments.path("parent", parent)
     threads, force = checked_threads(threads), arguments.flag("force", force)
-    arguments.choice("figures", figures, FIGURES)
+    formats = FIGURES[arguments.choice("figures", figures, FIGURES)]
     if progress is not None:
         arguments.function("progress.study", getattr(progress, "study", None))
-    folder = folder_of(deck.stem, parent)
+    folder = folder_of(deck.stem, arguments.path("parent", parent))
     folder.parent.mkdir(parents=True, exist_ok=True)
     with FolderLock(folder):
         recover(folder)
         there = present_in(folder)
         refuse_others(deck, folder, there, force)
-        return _Run(deck, folder, there, threads, progress, FIGURES[figures],
-                    executor).carry_out(force)
+        return _Run(deck, folder, there, threads, progress, formats, executor).carry_out(force)
 
 
 class _Run:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -50,10 +51,11 @@ def load_deck(path: Any, overrides: Any = ()) -> Deck:
     ------
     DeckError
         with every problem of the deck, of the overrides and of the file of the transmission error.
-    TypeError, ValueError
+    TypeError
         where an argument is of another kind.
     """
-    arguments.path("path", path)
+    if not isinstance(path, str | os.PathLike):
+        raise TypeError(arguments.wrong("path", path, "text or os.PathLike"))
     overrides = _pairs(overrides)
     report = Report()
     text = read_deck(path, report)
