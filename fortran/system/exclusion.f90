@@ -4,12 +4,16 @@ module lapwing_system_exclusion
   use lapwing_kinds, only: wp
   use lapwing_codes, only: drive_flank, coast_flank
   use lapwing_flank, only: flank_t
-  use lapwing_polynomial_evaluation, only: horner, value_and_slope, never_below
+  use lapwing_polynomial_evaluation, only: max_degree, horner, value_and_slope, jet, &
+      never_below
   use lapwing_system, only: frame_t, motion_t
   use lapwing_system_frames, only: move_to
   implicit none
   private
-  public :: stays_inside, no_sooner, skip_ahead_in_flight
+  public :: stays_inside, no_sooner, skip_ahead_in_flight, bound_depth_in_flight
+
+  !> Bounds are lowered by far more than the rounding of a root or of a depth.
+  real(wp), parameter :: caution = 1 - 2.0_wp**(-20), less = 1 - 2.0_wp**(-30)
 
 contains
 
@@ -82,7 +86,6 @@ contains
     integer, intent(in) :: touching              !! flank at zero distance there, or none
     type(motion_t), intent(in) :: motion         !! step as a polynomial
     real(wp), intent(in) :: s                    !! time since the frame was opened
-    real(wp), parameter :: caution = 1 - 2.0_wp**(-20)   !! far more than the rounding of a root
     real(wp) :: position, slope, above, below, approach
     call value_and_slope(frame%flank(:, frame%chart), s - frame%piece_begin, position, slope)
     ! Distances to the coast flank, and to the drive flank.
@@ -103,4 +106,58 @@ contains
     end if
     safe_time = caution*safe_time
   end function safe_time
+
+  !> What spares a search for the largest distance from the drive flank: at the beginning of a
+  !> flight a distance that it certainly exceeds, later how long it certainly stays below one.
+  pure subroutine bound_depth_in_flight(path, width, force, motion, length, frame, floor, until)
+    class(flank_t), intent(in) :: path           !! motion of the flanks
+    real(wp), intent(in) :: width                !! distance between them, rad
+    real(wp), intent(in) :: force                !! acceleration of the flight
+    type(motion_t), intent(in) :: motion         !! step as a polynomial
+    real(wp), intent(in) :: length               !! how much of it counts
+    type(frame_t), intent(in) :: frame           !! frame, at the beginning of a piece
+    real(wp), intent(inout) :: floor             !! distance, raised where the frame is as opened
+    real(wp), intent(out) :: until               !! time up to which it is not exceeded
+    integer, parameter :: samples = 7, refined = 3
+    real(wp) :: s, best, depth, rate, bend
+    integer :: i
+    if (frame%piece_begin > 0) then
+      call depth_at(path, width, frame, motion, frame%piece_begin, depth, rate, bend)
+      until = frame%piece_begin + caution*no_sooner(floor - depth, rate, &
+          path%push(drive_flank) - force)
+      return
+    end if
+    until = 0
+    best = 0
+    do i = 1, samples
+      call depth_at(path, width, frame, motion, i*length/(samples + 1), depth, rate, bend)
+      if (less*depth > floor) best = i*length/(samples + 1)
+      floor = max(floor, less*depth)
+    end do
+    if (.not. best > 0) return
+    s = best
+    do i = 1, refined
+      call depth_at(path, width, frame, motion, s, depth, rate, bend)
+      floor = max(floor, less*depth)
+      if (bend >= force) return
+      s = min(max(s - rate/(bend - force), 0.0_wp), length)
+    end do
+  end subroutine bound_depth_in_flight
+
+  !> Distance from the drive flank in flight, its slope, and how the flank bends.
+  pure subroutine depth_at(path, width, frame, motion, s, depth, rate, bend)
+    class(flank_t), intent(in) :: path           !! motion of the flanks
+    real(wp), intent(in) :: width                !! distance between them, rad
+    type(frame_t), intent(in) :: frame           !! frame, on a piece that begins before s
+    type(motion_t), intent(in) :: motion         !! step as a polynomial
+    real(wp), intent(in) :: s                    !! time since the frame was opened
+    real(wp), intent(out) :: depth, rate, bend   !! distance, its slope, second derivative of g
+    type(frame_t) :: here
+    here = frame
+    call move_to(path, width, s, here)
+    call jet(max_degree, here%flank(:, drive_flank), s - here%piece_begin, depth, rate, bend)
+    depth = depth - horner(motion%dense(:, 1), s/motion%h)
+    rate = rate - horner(motion%dense(:, 2), s/motion%h)
+    bend = 2*bend
+  end subroutine depth_at
 end module lapwing_system_exclusion

@@ -13,7 +13,7 @@ module lapwing_system_oscillator
   use lapwing_flank_fixed, only: fixed_flank_t, make_fixed_flank
   use lapwing_flank_series, only: series_flank_t, make_series_flank, harmonic_series
   use lapwing_flank_table, only: te_table_t, make_table
-  use lapwing_system_exclusion, only: stays_inside, skip_ahead_in_flight
+  use lapwing_system_exclusion, only: stays_inside, skip_ahead_in_flight, bound_depth_in_flight
   use lapwing_system_frames, only: open_on_piece, set_together, set_apart, distance_in_frame
   use lapwing_system_parameters, only: parameters_t, natural_angle, felt_jump
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, taylor_shift
@@ -37,7 +37,7 @@ module lapwing_system_oscillator
   contains
     procedure :: moves, change_force, open_frame, next_piece, derivatives, gap, contact
     procedure :: commit, pressing, place_at_flank, pass_knot, scales, observe
-    procedure :: begins_clear, limit_step, flank_velocity, stages, stay, skip_ahead
+    procedure :: begins_clear, limit_step, flank_velocity, stages, stay, skip_ahead, bound_depth
   end type oscillator_t
 
 contains
@@ -223,6 +223,19 @@ contains
     call skip_ahead_in_flight(self%path, self%width, self%n_flanks, self%force, motion, frame, &
         touching, clear)
   end subroutine skip_ahead
+
+  !> The same for the largest distance from the drive flank.
+  pure subroutine bound_depth(self, motion, length, frame, floor, until)
+    class(oscillator_t), intent(in) :: self
+    type(motion_t), intent(in) :: motion         !! step as a polynomial
+    real(wp), intent(in) :: length               !! how much of it counts
+    type(frame_t), intent(in) :: frame           !! frame, as opened or at a piece's beginning
+    real(wp), intent(inout) :: floor             !! distance that is exceeded, perhaps raised
+    real(wp), intent(out) :: until               !! time up to which it is not
+    until = 0
+    if (.not. allocated(self%fixed)) call bound_depth_in_flight(self%path, self%width, &
+        self%force, motion, length, frame, floor, until)
+  end subroutine bound_depth
 
   !> Flight under the constant force, or the damped spring of the flank in contact.
   pure subroutine derivatives(self, frame, motion_state, s, z, rate)

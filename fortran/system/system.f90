@@ -76,7 +76,7 @@ module lapwing_system
     procedure :: moves => always
     procedure :: flank_velocity => at_rest
     procedure :: stages => left_to_formula
-    procedure :: stay, skip_ahead
+    procedure :: stay, skip_ahead, bound_depth
   end type system_t
 
   abstract interface
@@ -246,6 +246,18 @@ contains
                                                  !! which the frame's piece then holds
     clear = .false.
   end subroutine skip_ahead
+
+  !> In a flight, what spares a search for its largest distance from the drive flank. The default
+  !> claims nothing: every piece is looked at.
+  pure subroutine bound_depth(self, motion, length, frame, floor, until)
+    class(system_t), intent(in) :: self
+    type(motion_t), intent(in) :: motion         !! step as a polynomial
+    real(wp), intent(in) :: length               !! how much of it counts
+    type(frame_t), intent(in) :: frame           !! frame, as opened or at a piece's beginning
+    real(wp), intent(inout) :: floor             !! distance that is exceeded, perhaps raised
+    real(wp), intent(out) :: until               !! time up to which it is not
+    until = 0
+  end subroutine bound_depth
 
   !> Whether an arc certainly begins off all flanks, or on its way from one or into one, so that
   !> nothing is to be decided there. A tooth that leaves with v might be at the end of a chatter if

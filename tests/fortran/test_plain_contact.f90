@@ -6,8 +6,8 @@ program test_plain_contact
   use exact_reference, only: seed, uniform, chance, pick, random_table
   use lapwing_hybrid_automaton, only: advance
   use lapwing_system_exclusion, only: no_sooner
-  use lapwing_codes, only: separation, engagement, law_restitution, law_compliant, gap_one_sided, &
-      gap_symmetric, gap_one_flank, status_ok
+  use lapwing_codes, only: drive_flank, separation, engagement, law_restitution, law_compliant, &
+      gap_one_sided, gap_symmetric, gap_one_flank, status_ok
   use lapwing_flow, only: work_t
   use lapwing_flow_rk4_crossing, only: crossing_t, find_crossing
   use lapwing_flow_rk4_rk4_flow, only: rk4_flow_t
@@ -25,19 +25,23 @@ program test_plain_contact
   integer, parameter :: n_scenes = 150, n_steps = 300
   type(tally_t) :: tally
   integer :: plain, skips, crossings
+  real(wp) :: searches, all_searches
 
   call seed(20261122)
   plain = 0
   skips = 0
   crossings = 0
+  searches = 0
+  all_searches = 0
   call test_no_sooner()
   call test_flank_over_step()
   call test_same_bits(law_compliant)
   call test_same_bits(law_restitution)
-  print "(3(a, i0))", "measured: plain steps ", plain, ", flights ", skips, ", crossings ", &
-      crossings
+  print "(5(a, i0))", "measured: plain steps ", plain, ", flights ", skips, ", crossings ", &
+      crossings, ", pieces searched for a depth ", nint(searches), " of ", nint(all_searches)
   call tally%below(10000.0_wp, real(plain, wp), "plain steps")
   call tally%below(1000.0_wp, real(crossings, wp), "crossings")
+  call tally%is_true(searches < all_searches, "pieces are spared a search for a depth")
   call tally%finish()
 
 contains
@@ -167,6 +171,7 @@ contains
           segment%motion, work, found)
     end associate
     skips = skips + 1
+    call measure_both_ways(system, thorough, segment)
     call tally%is_true(found%found .eqv. searched%found, "found or not")
     call tally%equal(found%frame%piece, searched%frame%piece, "piece")
     if (.not. (found%found .and. searched%found)) return
@@ -175,6 +180,26 @@ contains
     ! Flank and path below 10, rounded on the way over some pieces; slopes above 1e-4 by far most.
     call tally%near(found%s, searched%s, 1.0e-10_wp, "time")
   end subroutine search_both_ways
+
+  !> The depth of a flight, every piece looked at or not, and from any depth known before.
+  subroutine measure_both_ways(system, thorough, segment)
+    type(oscillator_t), intent(in) :: system         !! what moves
+    type(thorough_t), intent(in) :: thorough         !! the same
+    type(segment_t), intent(in) :: segment           !! a step it took
+    type(rk4_flow_t) :: flow
+    type(work_t) :: work, other_work
+    real(wp) :: depth, other, least
+    integer :: k
+    least = 0
+    do k = 1, 3
+      call flow%farthest(system, segment%arc_t, drive_flank, least, depth, work)
+      call flow%farthest(thorough, segment%arc_t, drive_flank, least, other, other_work)
+      call tally%is_true(depth == other, "depth, bit for bit")
+      least = pick([uniform(0.0_wp, 1.0_wp)*other, other])
+    end do
+    searches = searches + work%depth_searches
+    all_searches = all_searches + other_work%depth_searches
+  end subroutine measure_both_ways
 
   pure logical function same_state(one, other)
     type(hybrid_state_t), intent(in) :: one, other   !! states

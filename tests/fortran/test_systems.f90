@@ -78,6 +78,7 @@ module test_systems
   type, extends(oscillator_t) :: thorough_t
   contains
     procedure :: skip_ahead => skip_nothing
+    procedure :: bound_depth => bound_nothing
   end type thorough_t
 
   !> The gear, looked at as if it knew nothing to save work by at the beginning of an arc or after
@@ -128,6 +129,16 @@ contains
     logical, intent(out) :: clear
     clear = .false.
   end subroutine skip_nothing
+
+  pure subroutine bound_nothing(self, motion, length, frame, floor, until)
+    class(thorough_t), intent(in) :: self
+    type(motion_t), intent(in) :: motion
+    real(wp), intent(in) :: length
+    type(frame_t), intent(in) :: frame
+    real(wp), intent(inout) :: floor
+    real(wp), intent(out) :: until
+    until = 0
+  end subroutine bound_nothing
 
   pure subroutine open_frame(self, instant, frame)
     class(plain_system_t), intent(in) :: self

@@ -150,7 +150,8 @@ contains
   end subroutine state_at
 
   !> Largest distance from the drive flank, or depth in the coast flank, piece by piece: Bernstein
-  !> coefficients bound it from above, so that most pieces cost no root search.
+  !> coefficients bound it from above, so that most pieces cost no root search. In a flight most
+  !> are not even bounded: a depth it reaches is known first, and how long it stays below that.
   subroutine farthest(self, system, arc, flank, least, largest, work)
     class(rk4_flow_t), intent(in) :: self
     class(system_t), intent(in) :: system         !! what moves
@@ -160,16 +161,25 @@ contains
     real(wp), intent(out) :: largest              !! the larger of the two, rad
     type(work_t), intent(inout) :: work           !! counts
     type(frame_t) :: frame
-    real(wp) :: c(0:max_degree), length
+    real(wp) :: c(0:max_degree), finish, floor, until
+    logical :: leaps
     largest = least
+    floor = least
+    until = 0
     frame = arc%frame
+    leaps = arc%begin%motion_state == separation .and. frame%piece_end < arc%length
     do
-      length = min(frame%piece_end, arc%length) - frame%piece_begin
-      call system%gap(frame, flank, arc%motion, c)
-      if (flank /= drive_flank) c = -c
-      if (upper_bound(c, length) > largest) then
-        work%depth_searches = work%depth_searches + 1
-        call raise_to_largest(c, length, largest)
+      finish = min(frame%piece_end, arc%length)
+      if (leaps .and. until <= frame%piece_begin) then
+        call system%bound_depth(arc%motion, arc%length, frame, floor, until)
+      end if
+      if (until < finish) then
+        call system%gap(frame, flank, arc%motion, c)
+        if (flank /= drive_flank) c = -c
+        if (upper_bound(c, finish - frame%piece_begin) > max(largest, floor)) then
+          work%depth_searches = work%depth_searches + 1
+          call raise_to_largest(c, finish - frame%piece_begin, largest)
+        end if
       end if
       if (frame%piece_end >= arc%length) return
       call system%next_piece(frame)
