@@ -1,4 +1,5 @@
-!> The end of a complete chatter: infinitely many impacts in finite time, summed.
+!> The end of a complete chatter (Zeno): infinitely many impacts in finite time, summed. When it may
+!> be, and what then becomes of the state: `sum_chatter` of hybrid/automaton.f90.
 module lapwing_hybrid_chatter
   use lapwing_kinds, only: wp
   use lapwing_polynomial_evaluation, only: max_degree

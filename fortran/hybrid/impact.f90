@@ -1,5 +1,6 @@
 !> What happens at a flank: arrival, impact, rest, release. Each leaves the flank marked as touched:
-!> what the tooth does there next is decided and is not asked again.
+!> what the tooth does there next is decided and is not asked again. The reset map, which turns the
+!> velocity of arrival into that of rebound, is the contact law's: contact/impact.f90.
 module lapwing_hybrid_impact
   use lapwing_kinds, only: wp
   use lapwing_hybrid_chatter, only: below_resolution

@@ -6,6 +6,9 @@
 !> Norsett and Wanner, Solving Ordinary Differential Equations I, section II.4). The error is
 !> added to the result, which then is of fifth order; the tolerance is held by the error before
 !> that. Figures against other fourth-order formulas: docs/method.md.
+!>
+!> A system may do the same stages itself: the gear's oscillator does, in system/spring_stages.f90,
+!> and what is changed here has to be changed there.
 module lapwing_flow_rk4_step
   use lapwing_kinds, only: wp
   use lapwing_flow_rk4_step_control, only: error_ratio
