@@ -67,12 +67,31 @@ def test_what_is_missing_is_said_and_judges_nothing(plane, status):
     top[:, 4:] = True
     data = lost(plane, status, top)
     text, (said,) = "\n".join(map_text(data)), findings(data)
-    assert "of 24 runs from rest" in said and "24 runs without a result may hold others" in said
+    assert "of 24 of 48 runs from rest" in said
+    assert "24 runs without a result may hold others" in said
     assert ("**24 not reached**" in text) == (status == Status.UNFINISHED)
     assert ("24 of 48 failed" in text) == (status != Status.UNFINISHED)
     assert text.count("| 4 of 8 |") == 6
     last = plane["brake_torque"].values[3]
     assert f"up to brake torque {last:g}" in said and "(the last one looked at)" not in said
+
+
+    share = 100 * map_rattles(data).values[:, :4].mean()
+    assert f"seen in {share:.3g} % of the runs that have a result" in text
+
+
+def test_rest_on_the_coast_flank_is_no_separation():
+    data = parameter_map(PAIR, TE, {"pinion_speed_rpm": [300.0], "brake_torque": [-14.0, -9.0]},
+                         settle=50, record=20).assign_attrs(
+        name="p", x_parameter="pinion_speed_rpm", y_parameter="brake_torque")
+    assert not data["deepest_separation"].values.any() and map_rattles(data).values.all()
+    text, (said,) = "\n".join(map_text(data)), findings(data)
+    assert "Over pinion speed 300 rpm and brake torque -14 to -9 N·m" in said
+    assert "drive flank contact was kept in 0 %** of 2 runs" in said
+    assert "no separation seen; no back impacts seen" in said
+    assert "| 300 | none | none |" in text
+    (alone,) = findings(data.isel(brake_torque=[0]))
+    assert "brake torque -14 N·m" in alone and "of 1 run from rest" in alone
 
 
 @pytest.mark.parametrize("status", [Status.UNFINISHED, Status.STEP_TOO_SMALL])

@@ -169,3 +169,12 @@ def map_rattles(data: xr.Dataset) -> xr.DataArray:
     """Whether each run saw anything but drive flank engagement; False where nothing is known."""
     return (data["status"] == Status.OK) & (
         (data["states_visited"] != ENGAGED) | (data["arrivals"] + data["back_arrivals"] > 0))
+
+
+def map_separates(data: xr.Dataset) -> xr.DataArray:
+    """Whether the drive flanks of each run parted for a while; False where nothing is known.
+
+    Less than `map_rattles`: a wheel that rests on the coast flank does not part from the other.
+    """
+    return (data["status"] == Status.OK) & (
+        (data["deepest_separation"] > 0) | (data["arrivals"] + data["back_arrivals"] > 0))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lapwing.base.arrivals import arrivals_in
 from lapwing.base.codes import Status
 from lapwing.report.words import markdown, parameter_unit, parameter_words, plural
-from lapwing.results.findings import map_kinds, map_rattles
+from lapwing.results.findings import map_kinds, map_rattles, map_separates
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -43,24 +43,26 @@ def findings(data: xr.Dataset) -> list[str]:
     if not known.any():
         return []
     x, y = (str(data.attrs[f"{side}_parameter"]) for side in "xy")
-    law, seen = arrivals_in(data.attrs), map_rattles(data).values
-    kept = 100 * (1 - seen[known].mean())
+    law, seen = arrivals_in(data.attrs), map_separates(data).values
+    kept = 100 * (1 - map_rattles(data).values[known].mean())
+    lost = int((~known).sum())
     begun = {"rest": "from rest", "up": "carried upwards", "down": "carried downwards"}
-    said = [f"**Over {_range(data, x)} and {_range(data, y)} contact was kept in {kept:.3g} %** of "
-            f"{int(known.sum())} runs {begun[data.attrs['start']]} (map `{data.attrs['name']}`)"]
+    said = [f"**Over {_range(data, x)} and {_range(data, y)} drive flank contact was kept in "
+            f"{kept:.3g} %** of " + f"{int(known.sum())} of " * bool(lost)
+            + f"{plural(known.size, 'run')} {begun[data.attrs['start']]} "
+            f"(map `{data.attrs['name']}`)"]
     back = (data["back_arrivals"].values > 0) & known
     for what, where in (("separation", seen), (f"back {law.word}s", back)):
         said.append(f"{what} seen up to {_top(data, where)}" if where.any()
                     else f"no {what} seen")
-    lost = int((~known).sum())
     return ["; ".join(said) + "." + f" {plural(lost, 'run')} without a result may hold others."
             * bool(lost)]
 
 
 def _range(data: xr.Dataset, name: str) -> str:
     values = data[name].values
-    return (f"{parameter_words(name)} {values[0]:g} to {values[-1]:g} "
-            f"{parameter_unit(name)}").rstrip()
+    return (f"{parameter_words(name)} {values[0]:g}" + f" to {values[-1]:g}" * (values.size > 1)
+            + f" {parameter_unit(name)}").rstrip()
 
 
 def map_text(data: xr.Dataset) -> list[str]:
@@ -96,8 +98,7 @@ def _extent(data: xr.Dataset) -> str:
     open_ = int((status == Status.UNFINISHED).sum())
     failed = int((status != Status.OK).sum()) - open_
     axes = " × ".join(
-        f"{parameter_words(name)} from {values[0]:g} to {values[-1]:g} {parameter_unit(name)}"
-        .rstrip() + f" ({plural(values.size, 'value')})"
+        _range(data, name) + f" ({plural(values.size, 'value')})"
         for name in (str(attrs["x_parameter"]), str(attrs["y_parameter"]))
         for values in (data[name].values,))
     begun = {"rest": "each run from rest", "up": "carried upwards", "down": "carried downwards"}
@@ -111,7 +112,8 @@ def _reach(data: xr.Dataset, where: NDArray[Any]) -> str:
     """Ends of the values at which something was seen."""
     if not where.any():
         return "seen in no run that has a result"
-    return f"seen in {100 * where.mean():.3g} % of all runs, up to {_top(data, where)}"
+    share = where.sum() / (data["status"].values == Status.OK).sum()
+    return f"seen in {100 * share:.3g} % of the runs that have a result, up to {_top(data, where)}"
 
 
 def _top(data: xr.Dataset, where: NDArray[Any]) -> str:
@@ -132,7 +134,7 @@ def _table(data: xr.Dataset, names: tuple[str, ...], found: xr.DataArray) -> lis
     x, y = str(data.attrs["x_parameter"]), str(data.attrs["y_parameter"])
     values, columns = data[y].values, data[x].values
     order = (y, x)
-    seen = map_rattles(data).transpose(*order).values
+    seen = map_separates(data).transpose(*order).values
     back = (data["back_arrivals"] > 0).transpose(*order).values
     known = (data["status"] == Status.OK).transpose(*order).values
     full = [f"{value:.4g}" for value in data["full_engagement"].values] \
