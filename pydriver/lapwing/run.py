@@ -108,7 +108,7 @@ def run_deck(deck: Deck, parent: str | os.PathLike[str], *, threads: int | None 
     parent : str or Path, created where missing
     threads : int or None; threads that compute, and processes that draw; no result depends on it;
         default `threads.default_threads`
-    force : bool, whether everything is computed anew and other results are replaced
+    force : bool, whether results of the same values are computed anew, and others are replaced
     progress : object with `study(label, total, unit)` giving a callable(fraction), or None
     figures : 'none', 'png' or 'all' (PNG and PDF); formats that are there already are kept up
     executor : concurrent.futures.Executor or None, which carries out the shards of large studies;
@@ -173,7 +173,7 @@ class _Run:
             return Outcome(self.folder, reused=True, findings=findings)
         estimates.require_disk(self.deck, self.folder)
         with DrawingPool(self.threads) as pool:
-            if force:
+            if force and self.there.inputs == self.inputs:  # else these are parts of what is new
                 discard_studies(self.shards)
             found = compute(self.deck, self.threads, self.report, known, folder=self.shards,
                             notes=self.notes.append, executor=self.executor)

@@ -7,8 +7,13 @@ import time
 
 import pytest
 
+from lapwing.deck import load_deck
+from lapwing.folder import FolderError
+from lapwing.part import run_part
 from lapwing.results import checksums, read_results
 from lapwing.results.shards import shards_in
+from lapwing.run import run_deck
+from lapwing.studies.map import run as map_run
 
 DECK = """
 &gear_pair
@@ -120,3 +125,23 @@ def test_a_damaged_shard_is_made_again_and_said(deck, whole, tmp_path):
     assert child.returncode == 0 and "shard 0 " in said + errors
     assert numbers(checksums(tmp_path / "plane" / "result.nc")) == numbers(whole)
     assert [path.name for path in folder.iterdir()] == ["notes of mine.txt"]
+
+
+def test_parts_outlive_the_replacing_of_other_results(deck, whole, tmp_path, monkeypatch):
+    asked = load_deck(deck)
+    run_deck(load_deck(deck, [("map.plane.settle_cycles", "5")]), tmp_path, figures="none")
+    run_part(asked, tmp_path, 1, 1)
+    with pytest.raises(FolderError, match="--force replaces them"):
+        run_deck(asked, tmp_path, figures="none")
+
+    def made(*_):
+        raise OSError("a shard is made")
+
+    monkeypatch.setattr(map_run, "carried_out", made)
+    run_deck(asked, tmp_path, figures="none", force=True)
+    assert numbers(checksums(tmp_path / "plane" / "result.nc")) == numbers(whole)
+    monkeypatch.undo()
+    run_part(asked, tmp_path, 1, 1)
+    monkeypatch.setattr(map_run, "carried_out", made)
+    with pytest.raises(OSError, match="a shard is made"):  # of the same values: anew
+        run_deck(asked, tmp_path, figures="none", force=True)
