@@ -11,9 +11,11 @@ import pytest
 
 import lapwing
 from helpers import dataset_bytes
-from lapwing import Numerics, Status, TransmissionError, parameter_map, sweep
-from lapwing.results.shards import discard_shards, read_shard, shard_path, shards_in
-from lapwing.studies.map.shards import shard_size
+from lapwing import Numerics, Status, TransmissionError, engine, parameter_map, sweep
+from lapwing.results.shards import Shard, discard_shards, read_shard, shard_path, shards_in
+from lapwing.studies.map import shards
+from lapwing.studies.map.run import _Found, job_of
+from lapwing.studies.map.shards import KEPT, carried_out, shard_size
 from lapwing_bench.scenes import PAIR
 
 TE = TransmissionError.harmonic([17e-6, 4.5e-6, 1.5e-6], [0.0, 1.0, 2.0], [1, 2, 3])
@@ -254,6 +256,34 @@ def test_the_cut_follows_from_the_map_alone():
     assert shard_size(30, 500, 10, 7) == 10 and shard_size(30, 500, 1, 99) == 30
 
 
+@pytest.mark.parametrize(("start", "most"), [("rest", 4), ("up", 11)])
+def test_a_shard_is_moved_in_blocks(start, most, monkeypatch):
+    expected, taken, sweep = mapped(start=start), [], engine.sweep
+    monkeypatch.setattr(shards, "AT_A_TIME", 4)
+    monkeypatch.setattr(shards.engine, "sweep", lambda points, *rest, **options: (
+        taken.append(len(points)), sweep(points, *rest, **options))[1])
+    told = []
+    whole = mapped(start=start, shard_runs=33, progress=told.append, threads=1)
+    assert numbers_of(whole) == numbers_of(expected) and whole.attrs["shards"] == 1
+    assert max(taken) == most and sum(taken) == 33
+    assert told == sorted(told) and told[-1] == 1.0
+
+
+def test_what_is_torn_apart_is_not_told_as_known():
+    class Stopping:
+        def __array__(self, *_, **__):
+            raise KeyboardInterrupt
+
+    job = job_of(PAIR, TE, AXES, line=None, start="rest", settle=1, record=1, phase=0.0,
+                 numerics=None, shard_runs=33)
+    data = carried_out(job, 0)
+    for torn in set(KEPT) - {"status"}:
+        found = _Found(job, print)
+        with pytest.raises(KeyboardInterrupt):
+            found.take(0, Shard({**data, torn: Stopping()}, "cpu"))
+        assert np.all(found.data["status"] == Status.UNFINISHED)
+
+
 def test_failed_runs_have_no_numbers_but_their_status():
     found = mapped(numerics=Numerics(max_events_per_cycle=5))
     bad = found["status"].values == Status.TOO_MANY_EVENTS
@@ -270,6 +300,8 @@ def test_failed_runs_have_no_numbers_but_their_status():
     ({"axes": {"brake_torque": [1.0], "backlash": [-1e-3, 1e-3]}}, "backlash"),
     ({"start": "left"}, "start = 'left'"), ({"line": "backlash"}, "line = 'backlash'"),
     ({"settle": -1}, "settle"), ({"record": 0}, "record"), ({"shard_runs": 0}, "shard_runs"),
+    ({"brake_torque": 3.0}, "brake_torque = 3.0, expected none beside its axis"),
+    ({"executor": 3, "folder": "nowhere"}, "executor = 3"),
     ({"phase": 1.0}, "phase"), ({"numerics": 3}, "numerics")])
 def test_refusals(change, said):
     with pytest.raises((ValueError, TypeError), match=said):

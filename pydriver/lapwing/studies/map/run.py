@@ -96,6 +96,9 @@ def parameter_map(pair: GearPair, te: TransmissionError, axes: Mapping[str, Any]
                  numerics=numerics, shard_runs=shard_runs, **operation)
     if executor is not None and folder is None:
         raise ValueError("parameter_map: executor wants a folder, which its workers see as well")
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise TypeError("parameter_map: " + arguments.wrong(
+            "executor", executor, "what concurrent.futures.Executor can"))
     arguments.flag("keep_interrupted", keep_interrupted)
     for name, given in (("progress", progress), ("notes", notes)):
         if given is not None:
@@ -140,6 +143,8 @@ def job_of(pair: GearPair, te: TransmissionError, axes: Any, *, line: str | None
         taken.problems.append(arguments.wrong("axes", axes, "two or more: {parameter: values}"))
         axes = {}
     for name in axes:
+        if name in operation:
+            taken.problems.append(arguments.wrong(name, operation[name], "none beside its axis"))
         if taken.take(arguments.choice, "axes", name, parameters()) is not None:
             values[name] = taken.take(arguments.reals, name, axes[name])
     taken.take(arguments.choice, "start", start, STARTS)
@@ -201,7 +206,8 @@ class _Found:
     def take(self, index: int, shard: Shard) -> None:
         """Put a shard in its place."""
         first, stop = self._job.place(index)
-        for name, values in shard.data.items():
+        # The status last: of what Ctrl-C tears apart here nothing is told as known.
+        for name, values in sorted(shard.data.items(), key=lambda item: item[0] == "status"):
             self.data[name][first:stop] = values
         self.done[index] = True
         self.cpus.add(shard.cpu)

@@ -27,6 +27,8 @@ from lapwing.studies.map.grid import Grid
 # Mesh cycles of a shard unless the caller says how many runs: some 20 s of one core. A smaller map
 # is cut into so many shards all the same, for as many threads to have work.
 CYCLES, FEWEST = 10_000_000, 64
+# Runs handed to the engine at once, in whole lines: it takes some 10 kB for each line.
+AT_A_TIME = 4096
 # Variables of a shard, as they are kept.
 KEPT = {"status": np.int8, "period": np.int16, "arrivals": np.int32, "back_arrivals": np.int32,
         "chatter": np.int8, "states_visited": np.int8, "deepest_separation": float,
@@ -104,9 +106,22 @@ def carried_out(job: Job, index: int, progress: Callable[[float], None] | None =
         soon after `stop` is set.
     """
     first, behind = job.place(index)
-    points = job.grid.points(first, behind)
+    outcome = np.empty(behind - first, dtype=engine.OUTCOME_TABLE)
+    length = 1 if job.start == "rest" else job.grid.length
+    size = math.ceil(AT_A_TIME / length) * length
+    for begin in range(first, behind, size):
+        stop_at = min(begin + size, behind)
+        _move(job, begin, outcome[begin - first:stop_at - first], _told(
+            progress, stop, (begin - first) / len(outcome), (stop_at - begin) / len(outcome)))
+    good = outcome["status"] == Status.OK
+    return {name: np.where(good | (name == "status"), outcome[name], 0 if kind is not float
+                           else np.nan).astype(kind) for name, kind in KEPT.items()}
+
+
+def _move(job: Job, first: int, outcome: NDArray[Any], told: Callable[[float], None]) -> None:
+    """Fill the outcome of the runs from `first` on."""
+    points = job.grid.points(first, first + len(outcome))
     stepped = _stepped(job, points)
-    outcome = np.empty(len(points), dtype=engine.OUTCOME_TABLE)
     done = 0
     for which in (np.flatnonzero(~stepped), np.flatnonzero(stepped)):
         if not which.size:
@@ -116,12 +131,9 @@ def carried_out(job: Job, index: int, progress: Callable[[float], None] | None =
             part, _lines(job, which.size), _starts(job, which.size), numerics=job.numerics,
             wanted=Wanted(cycles=True), settle=job.settle, record=job.record, log_room=1,
             threads=1, keep_cycles=False,
-            progress=_told(progress, stop, done / len(points), which.size / len(points)))
+            progress=_told(told, None, done / len(points), which.size / len(points)))
         outcome[which] = result.outcome
         done += which.size
-    good = outcome["status"] == Status.OK
-    return {name: np.where(good | (name == "status"), outcome[name], 0 if kind is not float
-                           else np.nan).astype(kind) for name, kind in KEPT.items()}
 
 
 def _stepped(job: Job, points: engine.Points) -> NDArray[np.bool_]:
