@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from matplotlib.collections import LineCollection
 
 from lapwing import Status, TransmissionError, parameter_map
 from lapwing.base.codes import MotionState
@@ -120,6 +121,31 @@ def test_figures_tell_failed_from_missing(plane, figure, damage):
     axis = drawn.axes[0]
     assert axis.get_xlabel() == "pinion speed (rpm)"
     assert axis.get_ylabel() == "braking torque (N·m)"
+
+
+@pytest.mark.parametrize("cells", [[(0, 0)], [(2, 3), (2, 4)], [(5, 7)], "all", "row", "column"])
+def test_the_outline_goes_round_the_cells_of_back_impacts(plane, cells):
+    speed, torque = "pinion_speed_rpm", "brake_torque"
+    data = {"row": plane.isel({torque: [1]}), "column": plane.isel({speed: [1]})}.get(
+        cells if isinstance(cells, str) else "", plane).copy(deep=True)
+    back = np.zeros(data["status"].transpose(torque, speed).shape, dtype=bool)
+    for at in cells if isinstance(cells, list) else np.ndindex(*back.shape[::-1]):
+        back[at[::-1]] = True
+    data["back_impacts_per_cycle"] = ((torque, speed), back.astype(float))
+    drawn = map_arrivals.draw(data).axes[0]
+    (lines,) = (one for one in drawn.collections if isinstance(one, LineCollection))
+    segments = np.array(lines.get_segments())
+    # Shoelace formula over the edges, each turned so that the marked cell is at its left.
+    spans = [np.ptp(edges) / n for edges, n in zip(
+        (drawn.get_xlim(), drawn.get_ylim()), back.shape[::-1], strict=True)]
+    low = [lim[0] for lim in (drawn.get_xlim(), drawn.get_ylim())]
+    unit = np.rint((segments - low) / spans).astype(int)
+    upright = unit[unit[:, 0, 0] == unit[:, 1, 0]]
+    area = 0
+    for (x, j), _ in upright:
+        area += -x if x < back.shape[1] and back[j, x] else x
+    assert area == back.sum()
+    assert len(upright) % 2 == 0 and len(unit) > len(upright)
 
 
 def test_logarithmic_and_single_values_can_be_drawn():

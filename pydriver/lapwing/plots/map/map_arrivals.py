@@ -51,10 +51,8 @@ def draw(data: xr.Dataset, gear_pair: dict[str, float] | None = None, *,
         f"{law.word}s at the drive flank per mesh cycle")
     handles = [Patch(facecolor="0.93", edgecolor="0.6", linewidth=0.5, label="none")] \
         * bool(none.any())
-    x, y = parts.axes_of(data)
-    if back.any() and not back.all() and min(back.shape) > 1:
-        axis.contour(data[x].values, data[y].values, back.astype(float), levels=[0.5],
-                     colors=[style.VERMILION], linewidths=1.2)
+    if back.any():
+        parts.outline(axis, data, back, style.VERMILION)
         handles.append(Line2D([], [], color=style.VERMILION, linewidth=1.2,
                               label=f"outline of back {law.word}s"))
     return parts.finish(figure, axis, data, handles)

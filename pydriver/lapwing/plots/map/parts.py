@@ -72,6 +72,21 @@ def _edges(values: NDArray[Any]) -> NDArray[Any]:
     return np.exp(edges_of(np.log(values))) if _is_log(values) else edges_of(values)
 
 
+def outline(axis: Axes, data: xr.Dataset, where: NDArray[np.bool_], colour: Any) -> None:
+    """Draw the edges of cells (y, x) between those where something holds and all others."""
+    from matplotlib.collections import LineCollection
+
+    x, y = (_edges(data[name].values) for name in axes_of(data))
+    ringed = np.pad(where, 1)
+    j, i = np.nonzero(ringed[1:-1, 1:] != ringed[1:-1, :-1])
+    upright = np.stack([x[i], y[j], x[i], y[j + 1]], axis=-1)
+    j, i = np.nonzero(ringed[1:, 1:-1] != ringed[:-1, 1:-1])
+    level = np.stack([x[i], y[j], x[i + 1], y[j]], axis=-1)
+    axis.add_collection(LineCollection(
+        np.concatenate([upright, level]).reshape(-1, 2, 2), colors=colour, linewidths=1.2,
+        capstyle="projecting", rasterized=True), autolim=False)
+
+
 def mark_full_engagement(axis: Axes, data: xr.Dataset) -> bool:
     """T_full as a line, where it is known; returns whether it is seen."""
     if "full_engagement" not in data or not np.isfinite(data["full_engagement"].values).any():
