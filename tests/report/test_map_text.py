@@ -148,6 +148,24 @@ def test_the_outline_goes_round_the_cells_of_back_impacts(plane, cells):
     assert len(upright) % 2 == 0 and len(unit) > len(upright)
 
 
+@pytest.mark.parametrize(("full", "seen"), [(5.0, True), (40.0, False), (np.nan, False)])
+@pytest.mark.parametrize("turned", [False, True])
+def test_full_engagement_at_one_value_is_a_line_where_it_lies_in_the_panel(plane, full, seen,
+                                                                           turned):
+    data = plane.isel(pinion_speed_rpm=[2]).assign(full_engagement=("pinion_speed_rpm", [full]))
+    if turned:
+        data = data.assign_attrs(x_parameter="brake_torque", y_parameter="pinion_speed_rpm")
+    drawn = map_classes.draw(data)
+    words = [text.get_text() for text in drawn.legends[0].get_texts()]
+    assert any("T_full" in word for word in words) == seen
+    if seen:
+        axis = drawn.axes[0]
+        x, y = axis.lines[-1].get_data()
+        along, across = (y, x) if turned else (x, y)
+        limits = axis.get_ylim() if turned else axis.get_xlim()
+        assert np.all(across == full) and tuple(along) == limits
+
+
 def test_logarithmic_and_single_values_can_be_drawn():
     for speeds in ([1500.0], np.geomspace(200, 3000, 5)):
         data = parameter_map(PAIR, TE, {"brake_torque": [0.5, 5.0], "pinion_speed_rpm": speeds},

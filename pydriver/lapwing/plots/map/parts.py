@@ -93,10 +93,14 @@ def mark_full_engagement(axis: Axes, data: xr.Dataset) -> bool:
         return False
     (other,) = data["full_engagement"].dims
     at, torque = data[other].values, data["full_engagement"].values
-    points = (at, torque) if axes_of(data)[0] == other else (torque, at)
+    if at.size == 1:
+        at, torque = _edges(at), np.repeat(torque, 2)
+    upwards = axes_of(data)[0] == other
+    low, high = axis.get_ylim() if upwards else axis.get_xlim()
     for width, colour in ((2.6, "white"), (1.2, style.BLACK)):
-        axis.plot(*points, color=colour, linewidth=width, linestyle=(0, (5, 2)))
-    return True
+        axis.plot(*((at, torque) if upwards else (torque, at)), color=colour, linewidth=width,
+                  linestyle=(0, (5, 2)))
+    return bool(np.nanmin(torque) <= high and np.nanmax(torque) >= low)
 
 
 def full_engagement_handle() -> Any:
