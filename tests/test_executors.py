@@ -77,13 +77,23 @@ def test_parts_make_a_whole(deck, expected, tmp_path):
     code, said = run(deck, tmp_path)  # which makes what is missing
     assert code == 0 and numbers(tmp_path) == expected
     assert [path.name for path in tmp_path.iterdir()] == ["plane"]
+    code, said = run(deck, tmp_path, "--shard", "2/3")  # late
+    assert code == 0 and "complete results of the same values lie there" in said
+    assert [path.name for path in tmp_path.iterdir()] == ["plane"]
 
 
-@pytest.mark.parametrize("part", ["0/3", "4/3", "1", "1/", "a/b", "-1/3", "1/3/5", "²/3"])
+@pytest.mark.parametrize("part", ["0/3", "4/3", "1", "1/", "a/b", "-1/3", "1/3/5", "²/3",
+                                  "1/" + 5000 * "9"],
+                         ids=lambda part: part[:6])
 def test_odd_parts_are_refused(deck, part, tmp_path):
     code, said = run(deck, tmp_path, f"--shard={part}")
     assert code == 2 and "expected K/N with 1 <= K <= N" in said
     assert not list(tmp_path.iterdir())
+
+
+def test_a_part_has_no_executor(deck, tmp_path):
+    code, said = run(deck, tmp_path, "--shard", "1/2", "--executor", "mpi")
+    assert code == 2 and "--shard and --executor" in said and not list(tmp_path.iterdir())
 
 
 def test_a_deck_without_maps_has_no_parts(tmp_path):

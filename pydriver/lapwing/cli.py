@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import sys
 from enum import StrEnum
 from importlib.util import find_spec
@@ -106,6 +107,9 @@ def run(decks: Decks,
     threads = threads or default_threads()
     if shard is not None:
         part, parts = _part(shard)
+        if executor is not None:
+            complain("--shard and --executor: each shares the work in its own way, expected one")
+            raise typer.Exit(BAD_INPUT)
         raise typer.Exit(_each(decks, setting, lambda deck, progress: part_of(
             deck, out, part, parts, threads, progress)))
     try:
@@ -265,10 +269,9 @@ def _derived(deck: Deck) -> str:
 
 def _part(text: str) -> tuple[int, int]:
     """Part and parts of `--shard`."""
-    part, slash, parts = text.partition("/")
-    if slash and part.isascii() and part.isdigit() and parts.isascii() and parts.isdigit() \
-            and 1 <= int(part) <= int(parts):
-        return int(part), int(parts)
+    found = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text, re.ASCII)
+    if found and 1 <= int(found[1]) <= int(found[2]):
+        return int(found[1]), int(found[2])
     complain(f"--shard {text}: expected K/N with 1 <= K <= N, as 3/16")
     raise typer.Exit(BAD_INPUT)
 

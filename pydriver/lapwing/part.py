@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from lapwing.base.threads import checked_threads
-from lapwing.folder import SHARDS, folder_of
+from lapwing.deck import used_hash
+from lapwing.folder import SHARDS, folder_of, present_in
 
 if TYPE_CHECKING:
     import os
@@ -27,10 +28,13 @@ def run_part(deck: Deck, parent: str | os.PathLike[str], part: int, parts: int, 
 
     Returns
     -------
-    tuple of str, shards that were found damaged or of something else, and made again
+    tuple of str, shards that were found damaged or of something else, and made again; that nothing
+    was made, where complete results of the same values lie
 
     Raises
     ------
+    lapwing.folder.FolderError
+        where files lie in the folder that no run wrote.
     OSError
         where a shard cannot be written.
     """
@@ -38,6 +42,9 @@ def run_part(deck: Deck, parent: str | os.PathLike[str], part: int, parts: int, 
 
     folder = folder_of(deck.stem, parent)
     folder.parent.mkdir(parents=True, exist_ok=True)
+    there = present_in(folder)
+    if there.complete and there.inputs == used_hash(deck):
+        return (f"{folder}: complete results of the same values lie there; no shard is made",)
     notes: list[str] = []
     report = progress.study if progress else (lambda *_: (lambda _: None))
     compute_part(deck, part, parts, checked_threads(threads), report,
