@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from matplotlib.collections import LineCollection
 
 from lapwing import Status, TransmissionError, parameter_map
 from lapwing.base.codes import MotionState
+from lapwing.plots import style
 from lapwing.plots.map import map_arrivals, map_classes, map_depth
 from lapwing.report.map.text import findings, headline, map_text
 from lapwing.results.findings import KINDS, map_kinds, map_rattles
@@ -133,8 +133,10 @@ def test_the_outline_goes_round_the_cells_of_back_impacts(plane, cells):
         back[at[::-1]] = True
     data["back_impacts_per_cycle"] = ((torque, speed), back.astype(float))
     drawn = map_arrivals.draw(data).axes[0]
-    (lines,) = (one for one in drawn.collections if isinstance(one, LineCollection))
-    segments = np.array(lines.get_segments())
+    (line,) = (one for one in drawn.lines if one.get_color() == style.VERMILION)
+    edges = line.get_xydata().reshape(-1, 3, 2)
+    segments = edges[:, :2]
+    assert np.isfinite(segments).all() and np.isnan(edges[:, 2]).all()
     # Shoelace formula over the edges, each turned so that the marked cell is at its left.
     spans = [np.ptp(edges) / n for edges, n in zip(
         (drawn.get_xlim(), drawn.get_ylim()), back.shape[::-1], strict=True)]

@@ -74,17 +74,17 @@ def _edges(values: NDArray[Any]) -> NDArray[Any]:
 
 def outline(axis: Axes, data: xr.Dataset, where: NDArray[np.bool_], colour: Any) -> None:
     """Draw the edges of cells (y, x) between those where something holds and all others."""
-    from matplotlib.collections import LineCollection
-
     x, y = (_edges(data[name].values) for name in axes_of(data))
     ringed = np.pad(where, 1)
     j, i = np.nonzero(ringed[1:-1, 1:] != ringed[1:-1, :-1])
-    upright = np.stack([x[i], y[j], x[i], y[j + 1]], axis=-1)
+    upright = np.stack([[x[i], y[j]], [x[i], y[j + 1]]])
     j, i = np.nonzero(ringed[1:, 1:-1] != ringed[:-1, 1:-1])
-    level = np.stack([x[i], y[j], x[i + 1], y[j]], axis=-1)
-    axis.add_collection(LineCollection(
-        np.concatenate([upright, level]).reshape(-1, 2, 2), colors=colour, linewidths=1.2,
-        capstyle="projecting", rasterized=True), autolim=False)
+    level = np.stack([[x[i], y[j]], [x[i + 1], y[j]]])
+    # One line with gaps: of a large plane these may be millions, too many for objects of their own.
+    edges = np.full((3, 2, upright.shape[2] + level.shape[2]), np.nan)
+    edges[:2] = np.concatenate([upright, level], axis=2)
+    axis.plot(*edges.transpose(1, 2, 0).reshape(2, -1), color=colour, linewidth=1.2,
+              solid_capstyle="projecting", rasterized=True)
 
 
 def mark_full_engagement(axis: Axes, data: xr.Dataset) -> bool:
