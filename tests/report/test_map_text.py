@@ -6,7 +6,7 @@ import pytest
 from lapwing import Status, TransmissionError, parameter_map
 from lapwing.base.codes import MotionState
 from lapwing.plots import style
-from lapwing.plots.map import map_arrivals, map_classes, map_depth
+from lapwing.plots.map import map_arrivals, map_classes, map_depth, parts
 from lapwing.report.map.text import findings, headline, map_text
 from lapwing.results.findings import KINDS, map_kinds, map_rattles
 from lapwing_bench.scenes import PAIR
@@ -121,6 +121,15 @@ def test_figures_tell_failed_from_missing(plane, figure, damage):
     axis = drawn.axes[0]
     assert axis.get_xlabel() == "pinion speed (rpm)"
     assert axis.get_ylabel() == "braking torque (N·m)"
+
+
+@pytest.mark.parametrize("figure", [map_classes, map_depth, map_arrivals])
+def test_of_more_values_than_pixels_some_are_drawn_and_the_axis_says_so(plane, figure, monkeypatch):
+    monkeypatch.setattr(parts, "MOST_VALUES", 3)
+    axis = figure.draw(plane).axes[0]
+    assert axis.get_xlabel() == "pinion speed (rpm), one of 2 values drawn"
+    assert axis.get_ylabel() == "braking torque (N·m), one of 3 values drawn"
+    assert {mesh.get_array().shape for mesh in axis.collections} == {(3, 3)}
 
 
 @pytest.mark.parametrize("cells", [[(0, 0)], [(2, 3), (2, 4)], [(5, 7)], "all", "row", "column"])

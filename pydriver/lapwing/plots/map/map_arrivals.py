@@ -40,6 +40,7 @@ def draw(data: xr.Dataset, gear_pair: dict[str, float] | None = None, *,
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
+    data = parts.thinned(data)
     law, known = arrivals_in(data.attrs), parts.known(data)
     rate = np.where(known, parts.plane(data, "impacts_per_cycle"), np.nan)
     back = known & (parts.plane(data, "back_impacts_per_cycle") > 0)

@@ -43,6 +43,7 @@ def draw(data: xr.Dataset, gear_pair: dict[str, float] | None = None, *,
     from matplotlib.colors import BoundaryNorm, ListedColormap
     from matplotlib.patches import Patch
 
+    data = parts.thinned(data)
     names, found = map_kinds(data)
     found = found.transpose(*reversed(parts.axes_of(data))).values
     figure, axis = parts.new_plane(f"{title}: kinds of motion".removeprefix(": "))

@@ -38,6 +38,7 @@ def draw(data: xr.Dataset, gear_pair: dict[str, float] | None = None, *,
     from matplotlib.colors import ListedColormap, LogNorm
     from matplotlib.patches import Patch
 
+    data = parts.thinned(data)
     depth = style.URAD * parts.plane(data, "deepest_separation")
     figure, axis = parts.new_plane(f"{title}: deepest separation".removeprefix(": "))
     none = parts.known(data) & (depth == 0)

@@ -17,11 +17,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MISSING = "white"
+# Values of an axis that are drawn, more than a panel has pixels.
+MOST_VALUES = 2000
 
 
 def axes_of(data: xr.Dataset) -> tuple[str, str]:
     """Parameters drawn to the right and upwards."""
     return str(data.attrs["x_parameter"]), str(data.attrs["y_parameter"])
+
+
+def thinned(data: xr.Dataset) -> xr.Dataset:
+    """Each n-th value of an axis that has more than can be seen; the axis says so (`every`)."""
+    steps = {name: -(-data[name].size // MOST_VALUES) for name in axes_of(data)}
+    found = data.isel({name: slice(None, None, step) for name, step in steps.items()})
+    return found.assign_coords({name: found[name].assign_attrs(every=step)
+                                for name, step in steps.items()})
 
 
 def plane(data: xr.Dataset, name: str) -> NDArray[Any]:
@@ -55,8 +65,9 @@ def cells(axis: Axes, data: xr.Dataset, values: NDArray[Any], **look: Any) -> An
         if _is_log(data[name].values):
             scale("log")
             style.plain_powers(one)
-    axis.set_xlabel(axis_label(x))
-    axis.set_ylabel(axis_label(y))
+    for name, label in ((x, axis.set_xlabel), (y, axis.set_ylabel)):
+        every = data[name].attrs.get("every", 1)
+        label(axis_label(name) + f", one of {every} values drawn" * (every > 1))
     axis.set_xlim(edges[x][0], edges[x][-1])
     axis.set_ylim(edges[y][0], edges[y][-1])
     return drawn
