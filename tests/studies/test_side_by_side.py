@@ -61,3 +61,41 @@ def test_an_interruption_reaches_every_thread_and_keeps_what_is_finished(threads
     found, complete = side_by_side(work, range(6), threads, lambda _: first.set())
     assert not complete and found == {0: 0}
     assert threading.active_count() <= before + 1  # the one that interrupted may not have ended
+
+
+def test_an_interruption_tears_no_module_that_is_being_loaded(tmp_path, monkeypatch, hears_ctrl_c):
+    """A thread is at the middle of an import when Ctrl-C comes: the module is whole afterwards."""
+    import sys
+
+    from lapwing.studies import side_by_side as module
+
+    (tmp_path / "slow_to_load.py").write_text(
+        "import gate\ngate.inside.set()\ngate.go.wait(20)\nfor _ in range(10000):\n    pass\n"
+        "whole = True\n", encoding="utf-8")
+    (tmp_path / "gate.py").write_text(
+        "import threading\ninside, go = threading.Event(), threading.Event()\n", encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    import gate
+
+    # The loading goes on once it has been seen that something is being loaded.
+    looks = []
+    original = module.time.sleep
+    monkeypatch.setattr(module.time, "sleep", lambda seconds: (looks.append(1), gate.go.set(),
+                                                               original(seconds)))
+
+    def work(_):
+        import slow_to_load  # noqa: F401 - the loading is what is looked at
+
+        while True:
+            threading.Event().wait(0.01)
+
+    def interrupt():
+        gate.inside.wait()
+        _thread.interrupt_main()
+
+    threading.Thread(target=interrupt).start()
+    found, complete = side_by_side(work, range(1), 1, ignore)
+    assert looks and not complete and found == {}
+    assert sys.modules["slow_to_load"].whole
+    for name in ("slow_to_load", "gate"):
+        del sys.modules[name]

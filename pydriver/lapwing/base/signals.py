@@ -55,7 +55,7 @@ class _Ear:
         """Signal handler: a signal after the first changes nothing."""
         if self.signum is None:
             self.signum = signum
-        if _importing(frame):
+        if importing(frame):
             _later(self.signum)
         else:
             self.raise_if_due()
@@ -150,7 +150,7 @@ def _in_main_thread() -> bool:
     return threading.current_thread() is threading.main_thread()
 
 
-def _importing(frame: Any) -> bool:
+def importing(frame: Any) -> bool:
     """Whether a module is being loaded: an exception would leave it torn for good."""
     while frame is not None:
         if frame.f_code.co_filename.startswith("<frozen importlib"):

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import ctypes
+import sys
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from typing import Any
 
-# Seconds between two looks at the signals heard.
-LISTEN = 0.1
+from lapwing.base.signals import importing
+
+# Seconds between two looks at the signals heard, and at whether a module is still being loaded.
+LISTEN, LOADING = 0.1, 0.01
 
 
 def side_by_side(function: Callable[..., Any], items: Any, threads: int,
@@ -76,5 +80,8 @@ def side_by_side(function: Callable[..., Any], items: Any, threads: int,
 
 def _interrupt(ident: int) -> None:
     """Hand Ctrl-C, which only the main thread hears, on to another thread."""
+    # A module that is torn while it is loaded stays torn for the whole process.
+    while importing(sys._current_frames().get(ident)):
+        time.sleep(LOADING)
     ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(ident),
                                                ctypes.py_object(KeyboardInterrupt))
