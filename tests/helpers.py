@@ -83,3 +83,33 @@ def dataset_bytes(dataset):
     """Every number of a dataset, bit for bit."""
     return {name: (array.dtype.str, array.values.tobytes())
             for name, array in dataset.variables.items()}
+
+
+def plane_deck(y_count, settle_cycles, shard_runs):
+    """Text of a deck with one map, `plane`: 4 speeds and so many torques, all of which rattle."""
+    return f"""
+&gear_pair
+  pinion_teeth = 25, gear_teeth = 32
+  pinion_inertia = 0.0078, gear_inertia = 0.026
+  pinion_base_lever = 0.034, mesh_stiffness = 3.12e8, backlash = 0.002
+  restitution = 0.8, damping_ratio = 0.1
+/
+&transmission_error harmonic_amplitude = 17e-6, 4.5e-6, 1.5e-6, harmonic_shift = 0, 1, 2 /
+&map
+  name = 'plane'
+  x_parameter = 'pinion_speed_rpm', x_from = 1500, x_to = 2100, x_count = 4
+  y_from = 4, y_to = 9, y_count = {y_count}
+  settle_cycles = {settle_cycles}
+  shard_runs = {shard_runs}
+/
+"""
+
+
+def plane_numbers(result):
+    """Checksums of the variables of `plane_deck`'s map in a result file.
+
+    How the work was cut short is no part of them.
+    """
+    from lapwing.results import checksums
+
+    return {name: one for name, one in checksums(result).items() if name.startswith("/map_plane/")}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,27 +28,47 @@ def refused(error: Any, prefix: str = "", path: Path | None = None) -> ExitCode:
     return exit_codes.of_error(error)
 
 
+def _attempt(deck: Deck, progress: Bars | Lines, work: Callable[[], Any], stopped: str,
+             out: Path | None = None) -> tuple[Any, ExitCode]:
+    """What a deck's work gives, or None; what stops it is said in one line, its exit code returned.
+
+    Parameters
+    ----------
+    deck, progress : closed at the end
+    work : callable()
+    stopped : what to say where a signal stops it
+    out : folder that the work writes into, or None
+    """
+    from lapwing.results.store import StoreError
+
+    try:
+        return work(), OK
+    except StoreError as error:
+        complain(str(error))
+        return None, BAD_INPUT
+    except (OSError, MemoryError, RuntimeError) as error:
+        return None, refused(error, f"{deck.title}: ", out)
+    except KeyboardInterrupt:
+        complain(f"{deck.title}: stopped; {stopped}")
+        return None, exit_codes.of_signal(signals.heard())
+    finally:
+        progress.close()
+
+
 def part_of(deck: Deck, out: Path, part: int, parts: int, threads: int,
-              progress: Bars | Lines) -> ExitCode:
+            progress: Bars | Lines) -> ExitCode:
     """Make a part of a deck's shards and report; returns its exit code."""
     from lapwing.part import run_part
-    from lapwing.results.store import StoreError
 
     if not deck.studies["map"]:
         complain(f"{deck.path}: --shard goes with &map; the deck has none")
         return BAD_INPUT
-    try:
-        notes = run_part(deck, out, part, parts, threads=threads, progress=progress)
-    except StoreError as error:
-        complain(str(error))
-        return BAD_INPUT
-    except (OSError, MemoryError, RuntimeError) as error:
-        return refused(error, f"{deck.title}: ", out)
-    except KeyboardInterrupt:
-        complain(f"{deck.title}: stopped; the shards that are finished stay")
-        return exit_codes.of_signal(signals.heard())
-    finally:
-        progress.close()
+    notes, code = _attempt(
+        deck, progress,
+        lambda: run_part(deck, out, part, parts, threads=threads, progress=progress),
+        "the shards that are finished stay", out)
+    if notes is None:
+        return code
     for note in notes:
         complain(note)
     print(f"{deck.title}: part {part} of {parts} is done; lapwing run without --shard puts the "
@@ -58,22 +79,14 @@ def part_of(deck: Deck, out: Path, part: int, parts: int, threads: int,
 def run_of(deck: Deck, out: Path, threads: int, force: bool, progress: Bars | Lines,
          figures: str, executor: Executor | None = None) -> ExitCode:
     """Run one deck and report; returns its exit code."""
-    from lapwing.results.store import StoreError
     from lapwing.run import run_deck
 
-    try:
-        outcome = run_deck(deck, out, threads=threads, force=force, progress=progress,
-                           figures=figures, executor=executor)
-    except StoreError as error:
-        complain(str(error))
-        return BAD_INPUT
-    except (OSError, MemoryError, RuntimeError) as error:
-        return refused(error, f"{deck.title}: ", out)
-    except KeyboardInterrupt:
-        complain(f"{deck.title}: stopped; nothing was finished")
-        return exit_codes.of_signal(signals.heard())
-    finally:
-        progress.close()
+    outcome, code = _attempt(
+        deck, progress,
+        lambda: run_deck(deck, out, threads=threads, force=force, progress=progress,
+                         figures=figures, executor=executor), "nothing was finished", out)
+    if outcome is None:
+        return code
     for note in outcome.notes:
         complain(note)
     if outcome.reused:
@@ -106,17 +119,11 @@ def criticals_of(deck: Deck, threads: int, progress: Bars | Lines) -> ExitCode:
     if not deck.criticals:
         complain(f"{deck.path}: no &critical in this deck")
         return BAD_INPUT
-    try:
-        found = [critical_study(deck, study, threads,
-                                progress.study(f"critical {study.name}", 100, "%"))
-                 .assign_attrs(name=study.name) for study in deck.criticals]
-    except KeyboardInterrupt:
-        complain(f"{deck.title}: stopped; nothing was finished")
-        return exit_codes.of_signal(signals.heard())
-    except (OSError, MemoryError, RuntimeError) as error:
-        return refused(error, f"{deck.title}: ")
-    finally:
-        progress.close()
+    found, code = _attempt(deck, progress, lambda: [
+        critical_study(deck, study, threads, progress.study(f"critical {study.name}", 100, "%"))
+        .assign_attrs(name=study.name) for study in deck.criticals], "nothing was finished")
+    if found is None:
+        return code
     print(f"# {deck.title}\n")
     say_findings(findings((), found, ()))
     print("\n".join(["", *critical_table(found), "", *critical_text(found)]))

@@ -54,7 +54,7 @@ NO_SAMPLE = np.array([[-1.0], [0.0]])
 MOST_AMPLIFIED = 1e3
 EXACT_CHATTER_TOL = 1e-13
 # From about here on the closed form is graded (most_panels times panel_span of
-# fortran/flow/exact/response.f90): its parts are pieces of the table each by itself, and no
+# fortran/flow/exact/panels.f90): its parts are pieces of the table each by itself, and no
 # periodic response is among them.
 GRADED_SPAN = 1.31e5
 # Ways to run an oscillator for which its arguments are kept.

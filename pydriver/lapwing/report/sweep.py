@@ -14,7 +14,15 @@ from lapwing.report.hysteresis import hysteresis
 from lapwing.report.measured import torque_words
 from lapwing.report.stability import sweep_stability
 from lapwing.report.words import markdown, method_words, parameter_unit, parameter_words, plural
-from lapwing.results.findings import START_NAMES, known, names, rattles, span, words_beyond
+from lapwing.results.findings import (
+    START_NAMES,
+    endings,
+    known,
+    names,
+    rattles,
+    span,
+    words_beyond,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -33,11 +41,9 @@ def section(sweeps: list[xr.Dataset], results: Results) -> list[str]:
 
 def headline(sweep: xr.Dataset) -> str:
     """Points that have a result, and why others have none."""
-    status = sweep["status"].values
-    done, open_ = (int((status == one).sum()) for one in (Status.OK, Status.UNFINISHED))
-    failed = status.size - done - open_
+    done, open_, failed = endings(sweep)
     along = parameter_words(sweep["status"].dims[1])
-    return (f"{done} of {status.size} points have a result, along the {along}"
+    return (f"{done} of {sweep['status'].size} points have a result, along the {along}"
             + f"; {open_} not reached" * bool(open_) + f"; {failed} failed" * bool(failed))
 
 
@@ -80,8 +86,7 @@ def _extent(sweep: xr.Dataset, unit: str) -> str:
     """What was swept, and how much of it there is."""
     attrs, status = sweep.attrs, sweep["status"].values
     values = sweep[attrs["parameter"]].values
-    unfinished = int((status == Status.UNFINISHED).sum())
-    failed = int((status != Status.OK).sum()) - unfinished
+    _, unfinished, failed = endings(sweep)
     ends = f"at {values[0]:g}" if values.size == 1 else \
         f"from {values[0]:g} to {values[-1]:g}"
     return (f"- {parameter_words(attrs['parameter'])} {ends} {unit}".rstrip()

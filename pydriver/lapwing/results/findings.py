@@ -33,6 +33,13 @@ class Evidence(NamedTuple):
     wanted: int
 
 
+def endings(dataset: xr.Dataset) -> tuple[int, int, int]:
+    """How many runs of a sweep or a map have a result, were never reached, failed."""
+    status = dataset["status"].values
+    done, open_ = (int((status == one).sum()) for one in (Status.OK, Status.UNFINISHED))
+    return done, open_, status.size - done - open_
+
+
 def known(sweep: xr.Dataset) -> NDArray[Any]:
     """Whether each point has a result: neither failed nor never reached."""
     done: NDArray[Any] = sweep["status"].values == Status.OK

@@ -17,7 +17,7 @@ def provenance() -> dict[str, str]:
     from lapwing import _build_info as build
 
     return {"lapwing_version": build.VERSION, "compiler": build.COMPILER,
-            "build_flags": build.FLAGS, "build_type": build.BUILDTYPE, "cpu": _cpu(),
+            "build_flags": build.FLAGS, "build_type": build.BUILDTYPE, "cpu": processor(),
             "engine_sha256": engine_digest(),
             "python_version": platform.python_version(), "numpy_version": np.__version__,
             "xarray_version": xarray.__version__, "netcdf4_version": netCDF4.__version__}
@@ -32,7 +32,7 @@ def engine_digest() -> str:
     return sha256_of(found.origin)
 
 
-def _cpu() -> str:
+def processor() -> str:
     """Model of the processor, as far as the system tells."""
     try:
         with open("/proc/cpuinfo", encoding="utf-8", errors="replace") as file:

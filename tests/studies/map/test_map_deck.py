@@ -7,37 +7,22 @@ import time
 
 import pytest
 
+from helpers import plane_deck, plane_numbers
 from lapwing.deck import load_deck
 from lapwing.folder import FolderError
 from lapwing.part import run_part
-from lapwing.results import checksums, read_results
+from lapwing.results import read_results
 from lapwing.results.shards import shards_in
 from lapwing.run import run_deck
 from lapwing.studies.map import run as map_run
 
-DECK = """
-&gear_pair
-  pinion_teeth = 25, gear_teeth = 32
-  pinion_inertia = 0.0078, gear_inertia = 0.026
-  pinion_base_lever = 0.034, mesh_stiffness = 3.12e8, backlash = 0.002
-  restitution = 0.8, damping_ratio = 0.1
-/
-&transmission_error harmonic_amplitude = 17e-6, 4.5e-6, 1.5e-6, harmonic_shift = 0, 1, 2 /
-&map
-  name = 'plane'
-  x_parameter = 'pinion_speed_rpm', x_from = 1500, x_to = 2100, x_count = 4
-  y_from = 4, y_to = 9, y_count = 30
-  settle_cycles = 600
-  shard_runs = 5
-/
-"""
 SHARDS = 24
 
 
 @pytest.fixture(scope="module")
 def deck(tmp_path_factory):
     path = tmp_path_factory.mktemp("map") / "plane.nml"
-    path.write_text(DECK, encoding="utf-8")
+    path.write_text(plane_deck(30, 600, 5), encoding="utf-8")
     return path
 
 
@@ -55,7 +40,7 @@ def whole(deck, tmp_path_factory):
     assert child.returncode == 0, errors
     assert "contact was kept in" in said
     assert [path.name for path in out.iterdir()] == ["plane"]
-    return checksums(out / "plane" / "result.nc")
+    return plane_numbers(out / "plane" / "result.nc")
 
 
 def when_it_has(shards, child, folder):
@@ -63,11 +48,6 @@ def when_it_has(shards, child, folder):
     while len(shards_in(folder)) < shards:
         assert child.poll() is None, child.communicate()
         time.sleep(0.005)
-
-
-def numbers(found):
-    """Checksums of the map's variables: how its work was cut short is no part of them."""
-    return {name: one for name, one in found.items() if name.startswith("/map_plane/")}
 
 
 def test_after_a_kill_the_same_command_goes_on(deck, whole, tmp_path):
@@ -87,7 +67,7 @@ def test_after_a_kill_the_same_command_goes_on(deck, whole, tmp_path):
     said, errors = child.communicate()
     assert child.returncode == 0, errors
     assert "again" not in said + errors
-    assert numbers(checksums(tmp_path / "plane" / "result.nc")) == numbers(whole)
+    assert plane_numbers(tmp_path / "plane" / "result.nc") == whole
     assert [path.name for path in tmp_path.iterdir()] == ["plane"]
 
 
@@ -107,7 +87,7 @@ def test_after_a_signal_too(deck, whole, tmp_path, number, code):
     child = run(deck, tmp_path)
     child.communicate()
     assert child.returncode == 0
-    assert numbers(checksums(tmp_path / "plane" / "result.nc")) == numbers(whole)
+    assert plane_numbers(tmp_path / "plane" / "result.nc") == whole
     assert [path.name for path in tmp_path.iterdir()] == ["plane"]
 
 
@@ -123,7 +103,7 @@ def test_a_damaged_shard_is_made_again_and_said(deck, whole, tmp_path):
     child = run(deck, tmp_path)
     said, errors = child.communicate()
     assert child.returncode == 0 and "shard 0 " in said + errors
-    assert numbers(checksums(tmp_path / "plane" / "result.nc")) == numbers(whole)
+    assert plane_numbers(tmp_path / "plane" / "result.nc") == whole
     assert [path.name for path in folder.iterdir()] == ["notes of mine.txt"]
 
 
@@ -139,7 +119,7 @@ def test_parts_outlive_the_replacing_of_other_results(deck, whole, tmp_path, mon
 
     monkeypatch.setattr(map_run, "carried_out", made)
     run_deck(asked, tmp_path, figures="none", force=True)
-    assert numbers(checksums(tmp_path / "plane" / "result.nc")) == numbers(whole)
+    assert plane_numbers(tmp_path / "plane" / "result.nc") == whole
     monkeypatch.undo()
     run_part(asked, tmp_path, 1, 1)
     monkeypatch.setattr(map_run, "carried_out", made)

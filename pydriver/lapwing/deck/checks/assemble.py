@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -314,21 +315,26 @@ class Studies:
             self.report.add(place, f"{name} = {value:g} among the values, expected "
                                     f"{kind.expected}")
 
-    def check_ends(self, reader: _GroupReader, name: str, group: str, values: Any,
+    def check_ends(self, reader: _GroupReader, varied: dict[str, tuple[str, Any]],
                    operation: dict[str, Any]) -> None:
-        """Force is monotonic in each parameter: what holds at both ends holds between them."""
-        for value in map(float, {values[0], values[-1]}):
+        """Force is monotonic in each parameter: what holds at the ends holds between them.
+
+        `varied` are (group, values) by parameter; of several every combination of ends is tried.
+        """
+        for ends in product(*({values[0], values[-1]} for _, values in varied.values())):
             pair, at = self.pair, operation
-            if group == "operation":
-                at = {**operation, name: value}
-            elif self.report.refusals:
-                return
-            else:
-                pair = replace(pair, **{name: value})
+            for (name, (group, _)), value in zip(varied.items(), map(float, ends), strict=True):
+                if group == "operation":
+                    at = {**at, name: value}
+                elif self.report.refusals:
+                    return
+                else:
+                    pair = replace(pair, **{name: value})
             oscillator = self.oscillator(reader, pair, at)
             if oscillator is None:
                 return
-            if oscillator.force < 0 and oscillator.gap == "one_flank" and reader.name == "sweep":
+            if oscillator.force < 0 and oscillator.gap == "one_flank" \
+                    and reader.name in ("sweep", "map"):
                 self.report.add(reader.place, "starts from rest with a negative force need a "
                                                "coast flank to rest on")
 

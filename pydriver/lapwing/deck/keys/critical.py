@@ -108,7 +108,7 @@ class CriticalKeys(OperationKeys, ValueKeys, StudyKeys):
             warn_of_order(reader, report)
         operation = {k: v for k, v in builder.own_operation(self).items() if k != name}
         _check_laws(reader, self, operation, report)
-        builder.check_ends(reader, name, group, [1.0] if values is None else values, operation)
+        builder.check_ends(reader, {name: (group, [1.0] if values is None else values)}, operation)
         return Asked("critical", self, operation, builder.rtol(reader),
                      {"parameter": name, "group": group, "values": values, **self._search()})
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from itertools import product
 from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
 from pydantic import Field
@@ -17,7 +15,6 @@ if TYPE_CHECKING:
     from lapwing.deck.checks.assemble import Studies
     from lapwing.deck.load import _GroupReader
     from lapwing.deck.problems import Place, Report
-    from lapwing.model.gear_pair import GearPair
 
 _Reals = list[Annotated[float, Field(ge=-1e15, le=1e15)]] | None
 _Counts = list[Annotated[int, Field(ge=2, le=100_000)]] | None
@@ -94,31 +91,11 @@ class MapKeys(StudyKeys):
         if len(axes) < 2 or not builder.ready:
             return None
         operation = {k: v for k, v in builder.operation.items() if k not in axes}
-        self._check_corners(builder, reader, axes, operation)
+        builder.check_ends(reader, axes, operation)
         names = tuple(axes)
         return Asked("map", self, operation, builder.rtol(reader), {
             "axes": {name: values for name, (_, values) in axes.items()},
             "x_parameter": names[0], "y_parameter": names[1]})
-
-    @staticmethod
-    def _check_corners(builder: Studies, reader: _GroupReader, axes: dict[str, Any],
-                       operation: dict[str, Any]) -> None:
-        """Oscillators where both parameters are extreme."""
-        for ends in product(*({values[0], values[-1]} for _, values in axes.values())):
-            pair, at = cast("GearPair", builder.pair), operation
-            for (name, (group, _)), value in zip(axes.items(), map(float, ends), strict=True):
-                if group == "operation":
-                    at = {**at, name: value}
-                elif builder.report.refusals:
-                    return
-                else:
-                    pair = replace(pair, **{name: value})  # type: ignore[arg-type]
-            oscillator = builder.oscillator(reader, pair, at)
-            if oscillator is None:
-                return
-            if oscillator.force < 0 and oscillator.gap == "one_flank":
-                builder.report.add(reader.place, "starts from rest with a negative force need a "
-                                                 "coast flank to rest on")
 
     def used(self, asked: Asked) -> dict[str, Any]:
         """See `StudyKeys`."""

@@ -60,7 +60,7 @@ class SweepKeys(ValueKeys, StudyKeys):
         if not builder.ready:
             return None
         operation = {k: v for k, v in builder.operation.items() if k != name}
-        builder.check_ends(reader, name, group, values, operation)
+        builder.check_ends(reader, {name: (group, values)}, operation)
         warn_of_order(reader, report)
         if name == "brake_torque":
             warn_of_torques(reader, builder.pair, operation, values, report)

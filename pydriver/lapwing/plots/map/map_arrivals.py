@@ -36,9 +36,7 @@ def draw(data: xr.Dataset, gear_pair: dict[str, float] | None = None, *,
     -------
     matplotlib.figure.Figure
     """
-    from matplotlib.colors import ListedColormap
     from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
 
     data = parts.thinned(data)
     law, known = arrivals_in(data.attrs), parts.known(data)
@@ -46,12 +44,10 @@ def draw(data: xr.Dataset, gear_pair: dict[str, float] | None = None, *,
     back = known & (parts.plane(data, "back_impacts_per_cycle") > 0)
     figure, axis = parts.new_plane(f"{title}: {law.word}s per mesh cycle".removeprefix(": "))
     none = known & (rate + parts.plane(data, "back_impacts_per_cycle") == 0)
-    parts.cells(axis, data, np.where(none, 0.0, np.nan), cmap=ListedColormap(["0.93"]))
+    handles = parts.none_cells(axis, data, none)
     drawn = parts.cells(axis, data, np.where(none, np.nan, rate), cmap="cividis", vmin=0)
     figure.colorbar(drawn, ax=axis).set_label(
         f"{law.word}s at the drive flank per mesh cycle")
-    handles = [Patch(facecolor="0.93", edgecolor="0.6", linewidth=0.5, label="none")] \
-        * bool(none.any())
     if back.any():
         parts.outline(axis, data, back, style.VERMILION)
         handles.append(Line2D([], [], color=style.VERMILION, linewidth=1.2,

@@ -41,7 +41,6 @@ def draw(data: xr.Dataset, gear_pair: dict[str, float] | None = None, *,
     matplotlib.figure.Figure
     """
     from matplotlib.colors import BoundaryNorm, ListedColormap
-    from matplotlib.patches import Patch
 
     data = parts.thinned(data)
     names, found = map_kinds(data)
@@ -49,8 +48,7 @@ def draw(data: xr.Dataset, gear_pair: dict[str, float] | None = None, *,
     figure, axis = parts.new_plane(f"{title}: kinds of motion".removeprefix(": "))
     parts.cells(axis, data, np.ma.masked_less(found, 0), cmap=ListedColormap(COLOURS),
                 norm=BoundaryNorm(np.arange(len(COLOURS) + 1) - 0.5, len(COLOURS)))
-    handles = [Patch(facecolor=COLOURS[i], edgecolor="0.6", linewidth=0.5, label=names[i])
-               for i in np.unique(found[found >= 0])]
+    handles = [parts.patch(COLOURS[i], names[i]) for i in np.unique(found[found >= 0])]
     return parts.finish(figure, axis, data, handles)
 
 

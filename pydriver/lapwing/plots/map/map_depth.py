@@ -35,14 +35,13 @@ def draw(data: xr.Dataset, gear_pair: dict[str, float] | None = None, *,
     -------
     matplotlib.figure.Figure
     """
-    from matplotlib.colors import ListedColormap, LogNorm
-    from matplotlib.patches import Patch
+    from matplotlib.colors import LogNorm
 
     data = parts.thinned(data)
     depth = style.URAD * parts.plane(data, "deepest_separation")
     figure, axis = parts.new_plane(f"{title}: deepest separation".removeprefix(": "))
     none = parts.known(data) & (depth == 0)
-    parts.cells(axis, data, np.where(none, 0.0, np.nan), cmap=ListedColormap(["0.93"]))
+    handles = parts.none_cells(axis, data, none)
     deep = np.where(parts.known(data) & (depth > 0), depth, np.nan)
     low, high = np.nanpercentile(deep, 1), np.nanmax(deep)
     drawn = parts.cells(axis, data, deep, cmap="viridis",
@@ -51,8 +50,7 @@ def draw(data: xr.Dataset, gear_pair: dict[str, float] | None = None, *,
     style.plain_powers(bar.ax.yaxis)
     backlash = f", backlash {style.URAD * float(gear_pair['backlash']):g}" if gear_pair else ""
     bar.set_label(f"deepest separation (µrad{backlash})")
-    return parts.finish(figure, axis, data, [
-        Patch(facecolor="0.93", edgecolor="0.6", linewidth=0.5, label="none")] * bool(none.any()))
+    return parts.finish(figure, axis, data, handles)
 
 
 __all__ = ["draw"]

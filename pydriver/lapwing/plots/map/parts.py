@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from lapwing.base.codes import Status
 from lapwing.plots import style
-from lapwing.plots.sweep.parts import axis_label, edges_of
+from lapwing.plots.sweep.parts import axis_label, edges_of, is_log
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MISSING = "white"
+MISSING, NONE = "white", "0.93"
 # Values of an axis that are drawn, more than a panel has pixels.
 MOST_VALUES = 2000
 
@@ -74,13 +74,27 @@ def cells(axis: Axes, data: xr.Dataset, values: NDArray[Any], **look: Any) -> An
 
 
 def _is_log(values: NDArray[Any]) -> bool:
-    """Whether values are in equal ratios, and far apart."""
-    return values.size > 2 and values[0] > 0 and values[-1] > 3 * values[0] \
-        and np.ptp(np.diff(np.log(values))) < 1e-6
+    """Whether an axis is logarithmic; of two values nobody knows."""
+    return values.size > 2 and is_log(values)
 
 
 def _edges(values: NDArray[Any]) -> NDArray[Any]:
     return np.exp(edges_of(np.log(values))) if _is_log(values) else edges_of(values)
+
+
+def patch(colour: Any, label: str) -> Any:
+    """Entry of a legend for cells of one colour."""
+    from matplotlib.patches import Patch
+
+    return Patch(facecolor=colour, edgecolor="0.6", linewidth=0.5, label=label)
+
+
+def none_cells(axis: Axes, data: xr.Dataset, none: NDArray[np.bool_]) -> list[Any]:
+    """Draw cells (y, x) where there is none of what is shown; entries for the legend."""
+    from matplotlib.colors import ListedColormap
+
+    cells(axis, data, np.where(none, 0.0, np.nan), cmap=ListedColormap([NONE]))
+    return [patch(NONE, "none")] * bool(none.any())
 
 
 def outline(axis: Axes, data: xr.Dataset, where: NDArray[np.bool_], colour: Any) -> None:

@@ -142,6 +142,12 @@ def _beyond(sweep: xr.Dataset, value: float) -> str:
     return "no rattling seen above" + f" ({blind}: not known)" * bool(blind)
 
 
+def is_log(values: NDArray[Any]) -> bool:
+    """Whether values are in equal ratios, and far apart."""
+    return bool(values[0] > 0 and values[-1] > 3 * values[0]
+                and np.ptp(np.diff(np.log(values))) < 1e-6)
+
+
 def edges_of(values: NDArray[Any]) -> NDArray[Any]:
     """Edges of columns around values."""
     if values.size == 1:
@@ -181,7 +187,7 @@ def finish(figure: Figure, axes: NDArray[Any], sweep: xr.Dataset, title: str) ->
     if values.size == 1:
         axes[-1].set_xticks(values)
     if values[-1] > values[0]:
-        if values[0] > 0 and np.ptp(np.diff(np.log(values))) < 1e-6 and values[-1] > 3 * values[0]:
+        if is_log(values):
             axes[-1].set_xscale("log")
             style.plain_powers(axes[-1].xaxis)
             wider = (values[-1] / values[0]) ** MARGIN

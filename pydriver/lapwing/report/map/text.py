@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 from lapwing.base.arrivals import arrivals_in
 from lapwing.base.codes import Status
 from lapwing.report.words import markdown, parameter_unit, parameter_words, plural
-from lapwing.results.findings import map_kinds, map_rattles, map_separates
+from lapwing.results.findings import (
+    START_NAMES,
+    endings,
+    map_kinds,
+    map_rattles,
+    map_separates,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,11 +35,9 @@ def section(maps: list[xr.Dataset], results: Results) -> list[str]:
 
 def headline(data: xr.Dataset) -> str:
     """Runs that have a result, and why others have none."""
-    status = data["status"].values
-    done, open_ = (int((status == one).sum()) for one in (Status.OK, Status.UNFINISHED))
-    failed = status.size - done - open_
+    done, open_, failed = endings(data)
     x, y = (parameter_words(str(data.attrs[f"{side}_parameter"])) for side in "xy")
-    return (f"{done} of {status.size} runs have a result, over {x} and {y}"
+    return (f"{done} of {data['status'].size} runs have a result, over {x} and {y}"
             + f"; {open_} not reached" * bool(open_) + f"; {failed} failed" * bool(failed))
 
 
@@ -46,10 +50,10 @@ def findings(data: xr.Dataset) -> list[str]:
     law, seen = arrivals_in(data.attrs), map_separates(data).values
     kept = 100 * (1 - map_rattles(data).values[known].mean())
     lost = int((~known).sum())
-    begun = {"rest": "from rest", "up": "carried upwards", "down": "carried downwards"}
+    begun = START_NAMES[data.attrs["start"]].removeprefix("each ")
     said = [f"**Over {_range(data, x)} and {_range(data, y)} drive flank contact was kept in "
             f"{kept:.3g} %** of " + f"{int(known.sum())} of " * bool(lost)
-            + f"{plural(known.size, 'run')} {begun[data.attrs['start']]} "
+            + f"{plural(known.size, 'run')} {begun} "
             f"(map `{data.attrs['name']}`)"]
     back = (data["back_arrivals"].values > 0) & known
     for what, where in (("separation", seen), (f"back {law.word}s", back)):
@@ -90,21 +94,19 @@ def map_text(data: xr.Dataset) -> list[str]:
         lines.append(f"- {what}: {_reach(data, where)}")
     lines.append(f"- {law.word}s are counted: {law.rule(data.attrs['count_depth'])}"
                  + " separation" * law.threshold)
-    return [*lines, "", *_table(data, names, found)]
+    return [*lines, "", *_table(data)]
 
 
 def _extent(data: xr.Dataset) -> str:
-    attrs, status = data.attrs, data["status"].values
-    open_ = int((status == Status.UNFINISHED).sum())
-    failed = int((status != Status.OK).sum()) - open_
+    attrs, (_, open_, failed) = data.attrs, endings(data)
     axes = " × ".join(
         _range(data, name) + f" ({plural(values.size, 'value')})"
         for name in (str(attrs["x_parameter"]), str(attrs["y_parameter"]))
         for values in (data[name].values,))
-    begun = {"rest": "each run from rest", "up": "carried upwards", "down": "carried downwards"}
-    return (f"- {axes}; {begun[attrs['start']]}, contact law `{attrs['contact_law']}`, "
+    begun = START_NAMES[attrs["start"]].replace("each", "each run")
+    return (f"- {axes}; {begun}, contact law `{attrs['contact_law']}`, "
             f"{plural(attrs['settle'], 'mesh cycle')} to settle and {attrs['record']} recorded; "
-            f"{failed or 'none'} of {status.size} failed"
+            f"{failed or 'none'} of {data['status'].size} failed"
             + f", **{open_} not reached**" * bool(open_))
 
 
@@ -129,7 +131,7 @@ def _top(data: xr.Dataset, where: NDArray[Any]) -> str:
             + f" to {at[-1]:g}" * bool(at[-1] > at[0]) + f" {parameter_unit(x)}".rstrip())
 
 
-def _table(data: xr.Dataset, names: tuple[str, ...], found: xr.DataArray) -> list[str]:
+def _table(data: xr.Dataset) -> list[str]:
     """Some columns of the plane: how far up rattling and back impacts were seen, T_full."""
     x, y = str(data.attrs["x_parameter"]), str(data.attrs["y_parameter"])
     values, columns = data[y].values, data[x].values

@@ -21,10 +21,11 @@ from lapwing.base.threads import checked_threads, usable_threads
 from lapwing.engine import Numerics
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.transmission_error import TransmissionError
+from lapwing.results.provenance import processor
 from lapwing.results.shards import Shard, read_shard, write_shard
 from lapwing.studies.map.grid import Grid, fastest_axis
 from lapwing.studies.map.shards import KEPT, Job, carried_out, make_shard, shard_size
-from lapwing.studies.sweep.varied import OF_PAIR, oscillator_at, parameters
+from lapwing.studies.sweep.varied import parameters
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -105,8 +106,7 @@ def parameter_map(pair: GearPair, te: TransmissionError, axes: Mapping[str, Any]
             arguments.function(name, given)
     threads = usable_threads(checked_threads(threads), job.shards)
     folder = None if folder is None else Path(arguments.path("folder", folder))
-    estimates.require(job.grid.runs * sum(np.dtype(kind).itemsize for kind in KEPT.values()),
-                      "parameter_map", "the values of an axis")
+    estimates.require(job.grid.runs * estimates.MAP_RUN, "parameter_map", "the values of an axis")
     found = _Found(job, notes or (lambda _: None))
     work = _Work(job, folder, found, progress)
     interrupted = False
@@ -175,21 +175,10 @@ def job_of(pair: GearPair, te: TransmissionError, axes: Any, *, line: str | None
 
 def _check_corners(grid: Grid) -> None:
     """Refuse what is refused at a corner, where parameters are extreme together."""
-    for corner in np.ndindex(*(2,) * len(grid.axes)):
-        ends = {name: float(grid.axes[name][-at]) for name, at in zip(grid.axes, corner,
-                                                                      strict=True)}
-        last, value = ends.popitem()
-        pair, operation = grid.pair, dict(grid.operation)
-        for name, end in ends.items():
-            if name in OF_PAIR:
-                changed: dict[str, Any] = {name: end}
-                pair = replace(pair, **changed)
-            else:
-                operation[name] = end
-        osc = oscillator_at(pair, grid.te, last, value, operation)
-        if osc.force < 0 and osc.gap == "one_flank":
-            raise ValueError("parameter_map: rest with a negative force needs a coast flank to "
-                             "rest on")
+    ends = replace(grid, axes={name: values[[0, -1]] for name, values in grid.axes.items()})
+    points = ends.points(0, ends.runs)
+    if points.shared.gap == "one_flank" and np.any(points.force < 0):
+        raise ValueError("parameter_map: rest with a negative force needs a coast flank to rest on")
 
 
 class _Found:
@@ -199,7 +188,6 @@ class _Found:
         self.notes = notes
         self.data = {name: np.zeros(job.grid.runs, dtype=kind) for name, kind in KEPT.items()}
         self.data["status"][:] = Status.UNFINISHED
-        self.done = np.zeros(job.shards, dtype=bool)
         self.cpus: set[str] = set()
         self._job = job
 
@@ -209,7 +197,6 @@ class _Found:
         # The status last: of what Ctrl-C tears apart here nothing is told as known.
         for name, values in sorted(shard.data.items(), key=lambda item: item[0] == "status"):
             self.data[name][first:stop] = values
-        self.done[index] = True
         self.cpus.add(shard.cpu)
 
 
@@ -289,12 +276,10 @@ class _Work:
 
     def _make(self, index: int) -> Shard:
         """One shard, in a thread of this process."""
-        from lapwing.results.file import provenance
-
         data = carried_out(self.job, index, lambda part: self._tell(index, part), self._stop)
         if self.folder is not None:
             write_shard(self.folder, index, data, self.job.told(index))
-        return Shard(data, provenance()["cpu"])
+        return Shard(data, processor())
 
     def _read(self, index: int) -> bool:
         """Take a shard that lies in the folder, if it is one of this map."""

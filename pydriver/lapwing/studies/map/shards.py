@@ -12,6 +12,7 @@ import math
 import threading
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -74,8 +75,9 @@ class Job:
     def told(self, index: int) -> dict[str, Any]:
         """What a shard's file says of itself."""
         first, stop = self.place(index)
-        return {"inputs": self.identity(), "first": first, "stop": stop}
+        return {"inputs": self.identity, "first": first, "stop": stop}
 
+    @cached_property
     def identity(self) -> str:
         """SHA-256 of every value that the numbers of the map, and its cut, follow from."""
         grid, te = self.grid, self.grid.te

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lapwing import engine
-from lapwing.base.codes import Status
-from lapwing.engine import Numerics, Wanted
+from lapwing.engine import Numerics
 from lapwing.model.linear_response import critical_torque
+from lapwing.results.findings import endings
 from lapwing.studies import cost
 from lapwing.studies.labels import labels
-from lapwing.studies.map.grid import Grid
 from lapwing.studies.map.run import job_of, make_part, parameter_map
+from lapwing.studies.map.shards import carried_out
 from lapwing.studies.sweep.varied import oscillator_at
 
 if TYPE_CHECKING:
@@ -38,8 +37,7 @@ def extent(study: Asked) -> tuple[int, str]:
 
 def failed(dataset: xr.Dataset) -> str:
     """What failed numerically, in words; empty text, nothing."""
-    status = dataset["status"]
-    runs = int(((status != Status.OK) & (status != Status.UNFINISHED)).sum())
+    _, _, runs = endings(dataset)
     return f"map {{}} ({runs} runs)" * bool(runs)
 
 
@@ -98,14 +96,9 @@ def estimate(deck: Deck, study: Asked, seconds: float, clock: Callable[[], float
     some = values[np.unique(np.linspace(0, len(values) - 1, TRIED).round().astype(int))]
 
     def tried(part: NDArray[Any]) -> None:
-        grid = Grid(deck.gear_pair, deck.te, {study.x_parameter: part, study.y_parameter: some},
-                    study.y_parameter, study.operation)
-        runs = grid.runs
-        engine.sweep(grid.points(0, runs), [(i, i, False) for i in range(runs)],
-                     [(engine.REST, 0.0, 0.0, deck.numerics["start_phase"])] * runs,
-                     numerics=Numerics(**deck.numerics_of(study)), wanted=Wanted(cycles=True),
-                     settle=study.settle_cycles, record=study.record_cycles, log_room=1, threads=1,
-                     keep_cycles=False)
+        carried_out(job_of(**_arguments(deck, study) | {
+            "axes": {study.x_parameter: part, study.y_parameter: some}, "start": "rest",
+            "shard_runs": part.size * some.size}), 0)
 
     low, high, count = cost.rates(tried, columns, seconds, clock)
     whole = len(values) / len(some) * len(columns) / threads

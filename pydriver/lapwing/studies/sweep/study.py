@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from lapwing.base.codes import Status
+from lapwing.results.findings import endings
 from lapwing.studies import cost
 from lapwing.studies.critical.study import full_engagement
 from lapwing.studies.labels import labels
@@ -24,8 +24,7 @@ def extent(study: Asked) -> tuple[int, str]:
 
 def failed(dataset: xr.Dataset) -> str:
     """What failed numerically, in words; empty text, nothing."""
-    status = dataset["status"]
-    points = int(((status != Status.OK) & (status != Status.UNFINISHED)).sum())
+    _, _, points = endings(dataset)
     return f"sweep {{}} ({points} points)" * bool(points)
 
 
