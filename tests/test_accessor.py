@@ -72,7 +72,7 @@ def test_a_table_has_words_for_codes(swept, response, tmp_path):
     run = lapwing.simulate(scene_a(1.8), cycles=5)
     run.events.lapwing.table().to_csv(tmp_path / "events.csv", index=False)
     head, first, *_ = (tmp_path / "events.csv").read_text().splitlines()
-    assert head == "tau,cycle,phase,kind,phi,velocity_before,velocity_after"
+    assert head == "tau,cycle,phase,kind,phi,velocity_before,velocity_after,flight_depth"
     kind = lapwing.EventKind(int(run.events["kind"][0])).name.lower()
     assert first.split(",")[3] == kind
     table = response.lapwing.table("cycle")

@@ -49,8 +49,14 @@ def in_parts(name, lengths, phase=0.0):
 
 
 def joined(parts, table):
-    return {name: np.concatenate([getattr(part, table)[name].values for part in parts]).tobytes()
-            for name in getattr(parts[0], table).variables}
+    """Tables of parts put together; a cycle in which one ends is a line of the next one, too."""
+    tables = [getattr(part, table) for part in parts]
+    if table == "cycles":
+        following = [one["cycle"].values[0] for one in tables[1:]]
+        tables = [one.isel(cycle=one["cycle"].values < first)
+                  for one, first in zip(tables, [*following, np.inf], strict=True)]
+    return {name: np.concatenate([one[name].values for one in tables]).tobytes()
+            for name in tables[0].variables}
 
 
 def plain(table):

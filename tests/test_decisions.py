@@ -524,8 +524,9 @@ def test_decision_l_cycles_are_counted_from_phase_zero():
     # Impacts at 1, 3, 5 after a start at ¾ of cycle 0, which ends at ½: cycles 1, 2, 3; cycle 3
     # is not complete at the end, 3¾.
     assert run.events["cycle"].values.tolist() == [1, 2, 3]
-    assert run.cycles["cycle"].values.tolist() == [0, 1, 2]
-    assert run.cycles["impacts"].values.tolist() == [0, 1, 1]
+    assert run.cycles["cycle"].values.tolist() == [0, 1, 2, 3]
+    assert run.cycles["complete"].values.tolist() == [False, True, True, False]
+    assert run.cycles["impacts"].values.tolist() == [0, 1, 1, 1]
 
 
 def test_decision_l_impacts_that_go_on_into_the_flank_count():

@@ -75,9 +75,10 @@ contains
     real(c_double), contiguous, intent(inout) :: cycles(:, :)     !! (columns, room) statistics by
                                                                   !! cycle
     real(c_double), contiguous, intent(inout) :: tangent(:, :)    !! (columns, room) tangent maps
-    real(c_double), intent(out) :: done(8)                        !! status, log lines, cycles,
+    real(c_double), intent(out) :: done(9)                        !! status, log lines, cycles,
                                                                   !! cycle, t, motion state, phi,
-                                                                  !! phi'
+                                                                  !! phi'; 1: behind the cycles one
+                                                                  !! that is not complete
     !f2py threadsafe
     call go_on_with_trajectory(flank, reals, choices, start, until, blob, sample_time, samples, &
         log, cycles, tangent, done)

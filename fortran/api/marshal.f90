@@ -3,7 +3,7 @@ module lapwing_api_marshal
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use lapwing_kinds, only: wp
-  use lapwing_codes, only: all_codes, status_unfinished, status_out_of_memory
+  use lapwing_codes, only: all_codes, separation, status_unfinished, status_out_of_memory
   use lapwing_flow, only: flow_t, work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
   use lapwing_run_method, only: make_system, make_flow
@@ -12,8 +12,8 @@ module lapwing_api_marshal
   use lapwing_polynomial_evaluation, only: max_degree
   use lapwing_observers_deviations, only: deviations_of
   use lapwing_observers_period, only: period_of, most_looked_for
-  use lapwing_observers_records, only: recorder_t, start_recording, log_columns, cycle_columns, &
-      sample_columns
+  use lapwing_observers_records, only: recorder_t, start_recording, start_watching, log_columns, &
+      cycle_columns, sample_columns
   use lapwing_run, only: run_to, deadline_in
   use lapwing_system_start, only: start_of_run
   use lapwing_run_checkpoint, only: blob_size, work_size, pack_blob, unpack_blob
@@ -32,8 +32,9 @@ module lapwing_api_marshal
   integer, parameter :: n_reals = 14
   !> contact law, impact law, gap, back_flank_te, largest numbers of events and of steps in a
   !> cycle; events, impacts, grazes, strobe, cycles wanted; settling cycles, recorded cycles;
-  !> method; tangent maps wanted; whether repeated cycles are copied; degrees of freedom
-  integer, parameter :: n_choices = 17
+  !> method; tangent maps wanted; whether repeated cycles are copied; degrees of freedom; depths of
+  !> flights wanted
+  integer, parameter :: n_choices = 18
 
   integer(c_int), parameter :: all_sizes(10) = [blob_size, work_size, log_columns, cycle_columns, &
       sample_columns, n_reals, n_choices, tangent_columns, outcome_columns, most_looked_for]
@@ -153,6 +154,7 @@ contains
     recorder%want_strobe = choices(10) == 1
     recorder%want_cycles = choices(11) == 1
     recorder%want_tangent = choices(15) == 1
+    recorder%want_depths = choices(18) == 1
   end function recorder_from
 
   !> See `api`.
@@ -166,10 +168,10 @@ contains
     real(c_double), intent(inout) :: blob(:)                        !! run under way
     real(c_double), intent(in), target, contiguous :: sample_time(:, :)     !! (2, n)
     real(c_double), intent(inout), target, contiguous :: samples(:, :)      !! see `api`
-    real(c_double), intent(inout), target, contiguous :: log(:, :)          !! (6, room)
+    real(c_double), intent(inout), target, contiguous :: log(:, :)          !! see `api`
     real(c_double), intent(inout), target, contiguous :: cycles(:, :)       !! see `api`
     real(c_double), intent(inout), target, contiguous :: tangent(:, :)      !! see `api`
-    real(c_double), intent(out) :: done(8)                          !! how far it came
+    real(c_double), intent(out) :: done(9)                          !! how far it came
     class(oscillator_t), allocatable, target :: system
     class(flow_t), allocatable, target :: flow
     type(flank_data_t) :: data
@@ -190,11 +192,14 @@ contains
       return
     end if
     recorder = recorder_from(reals, choices)
+    recorder%want_unfinished = recorder%want_cycles
     if (start(1) > -1.5_wp) then
+      call start_watching(recorder, in_flight=.false.)
       state%instant = start_of_run(system, start)
     else
       call unpack_blob(blob, state, recorder%sums, work)
       call start_recording(recorder)
+      call start_watching(recorder, state%instant%motion_state == separation)
     end if
     recorder%log => log
     recorder%cycles => cycles
@@ -210,7 +215,8 @@ contains
     call pack_blob(state, recorder%sums, work, blob)
     call system%observe(state%instant, phi, phi_dot)
     done = [real([status, recorder%sums%n_log, recorder%sums%n_cycles, state%instant%cycle], wp), &
-        state%instant%t, real(state%instant%motion_state, wp), phi, phi_dot]
+        state%instant%t, real(state%instant%motion_state, wp), phi, phi_dot, &
+        merge(1.0_wp, 0.0_wp, recorder%unfinished)]
   end subroutine go_on_with_trajectory
 
   !> See `api`.
@@ -226,7 +232,7 @@ contains
     real(c_double), intent(inout), target, contiguous :: cycles(:, :, :)   !! see `api`
     real(c_double), intent(inout), target, contiguous :: tangent(:, :, :)  !! see `api`
     real(c_double), intent(inout), target, contiguous :: density(:, :)     !! (bins, points) or 1
-    real(c_double), intent(inout), target, contiguous :: log(:, :, :)      !! (6, room, points)
+    real(c_double), intent(inout), target, contiguous :: log(:, :, :)      !! see `api`
     real(c_double), intent(inout), target, contiguous :: outcome(:, :)     !! (columns, points)
     type(sweep_t) :: sweep
     type(line_t), allocatable :: line(:)

@@ -2,18 +2,18 @@
 module lapwing_observers_recorder
   use lapwing_kinds, only: wp
   use lapwing_codes, only: separation, engagement, drive_flank, coast_flank, event_impact, &
-      event_engage, event_kind
+      event_kind
   use lapwing_flow, only: flow_t, work_t, instant_on
   use lapwing_hybrid_state, only: segment_t, event_t
   use lapwing_observers_grazes, only: find_grazes
-  use lapwing_observers_records, only: recorder_t, log_line, n_counters, max_flights, &
-      cycle_columns, sample_columns
+  use lapwing_observers_records, only: recorder_t, sums_t, log_line, is_arrival, forget_cycle, &
+      n_counters, max_flights, cycle_columns, sample_columns, flight_none, flight_whole
   use lapwing_observers_speeds, only: count_speed
   use lapwing_system, only: system_t, instant_t, frame_t
   use lapwing_observers_tangent, only: tangent_t, carry_along, jump, tangent_row
   implicit none
   private
-  public :: record_segment, look_ahead, sample_at
+  public :: record_segment, look_ahead, write_unfinished, sample_at
 
 contains
 
@@ -34,7 +34,11 @@ contains
       self%sums%grazes_known_to = -1
     end if
     if (self%want_strobe .or. self%want_cycles) call strobe(self, system, segment)
-    if (self%want_cycles) call measure(self, system, flow, segment, work)
+    if (self%want_cycles) then
+      call measure(self, system, flow, segment, work)
+    else if (self%want_depths) then
+      call measure_flight(self%sums, system, flow, segment, work)
+    end if
     if (self%want_tangent) then
       call carry_along(self%sums%tangent, system, self%deviations, segment)
     end if
@@ -45,7 +49,11 @@ contains
     do i = 1, segment%n_events
       call log_line(self, segment%events(i))
       call count_speed(self%density, segment%events(i))
-      if (self%want_cycles) call count_event(self, segment%events(i))
+      if (self%want_cycles) then
+        call count_event(self, segment%events(i))
+      else if (self%want_depths) then
+        call end_flight(self%sums, segment%events(i)%kind)
+      end if
     end do
   end subroutine record_segment
 
@@ -65,6 +73,29 @@ contains
       self%sums%grazes_known_to = until
     end if
   end subroutine look_ahead
+
+  !> Write the line of the cycle under way behind those of the cycles closed: what has been measured
+  !> up to `until`, in a segment that is taken back. It is written by a copy, and what is searched
+  !> for it is not counted: to go on changes no bit of what comes.
+  subroutine write_unfinished(self, system, flow, segment, until)
+    type(recorder_t), intent(inout) :: self
+    class(system_t), intent(in) :: system        !! what moves
+    class(flow_t), intent(in) :: flow            !! what followed it
+    type(segment_t), intent(in) :: segment       !! what happened last
+    real(wp), intent(in) :: until                !! time in the segment's cycle
+    type(recorder_t) :: copy
+    type(segment_t) :: part
+    type(work_t) :: uncounted
+    copy = self
+    copy%want_tangent = .false.
+    part = segment
+    part%length = max(0.0_wp, until - segment%begin%t)
+    part%moves = segment%moves .and. part%length > 0
+    call strobe(copy, system, part)
+    call measure(copy, system, flow, part, uncounted)
+    self%unfinished = .not. copy%sums%strobe_due .and. copy%sums%n_cycles < size(copy%cycles, 2)
+    if (self%unfinished) call close_cycle(copy, part)
+  end subroutine write_unfinished
 
   !> The cycle's first state: where its first arc of positive length begins.
   subroutine strobe(self, system, segment)
@@ -91,15 +122,38 @@ contains
           ibset(sums%states_visited, segment%begin%motion_state)
       if (.not. segment%moves .or. segment%begin%motion_state == engagement) return
       if (segment%begin%motion_state == separation) then
-        call flow%farthest(system, segment%arc_t, drive_flank, sums%flight_depth, deepest, work)
-        sums%flight_depth = deepest
-        sums%cycle_depth = max(sums%cycle_depth, deepest)
+        call measure_flight(sums, system, flow, segment, work)
+        sums%cycle_depth = max(sums%cycle_depth, sums%flight_depth)
       else
         call flow%farthest(system, segment%arc_t, coast_flank, sums%back_penetration, deepest, work)
         sums%back_penetration = deepest
       end if
     end associate
   end subroutine measure
+
+  !> The deepest point of the flight under way.
+  subroutine measure_flight(sums, system, flow, segment, work)
+    type(sums_t), intent(inout) :: sums
+    class(system_t), intent(in) :: system        !! what moves
+    class(flow_t), intent(in) :: flow            !! what followed it
+    type(segment_t), intent(in) :: segment       !! what happened
+    type(work_t), intent(inout) :: work          !! counts
+    real(wp) :: deepest
+    if (.not. segment%moves .or. segment%begin%motion_state /= separation) return
+    call flow%farthest(system, segment%arc_t, drive_flank, sums%flight_depth, deepest, work)
+    sums%flight_depth = deepest
+    if (sums%flight_known == flight_none) sums%flight_known = flight_whole
+  end subroutine measure_flight
+
+  !> After an event at a flank there is no flight, or another.
+  pure subroutine end_flight(sums, kind)
+    type(sums_t), intent(inout) :: sums
+    integer, intent(in) :: kind                  !! event_kind
+    if (kind > n_counters) return
+    sums%flight_known = flight_none
+    sums%flight_depth = 0
+    sums%flight_depth_before = 0
+  end subroutine end_flight
 
   !> Count an event in the cycle it falls in; an impact ends a flight.
   subroutine count_event(self, event)
@@ -113,17 +167,9 @@ contains
       depth = max(sums%flight_depth, sums%flight_depth_before)
       if (event%kind == event_impact) call push_flight(self, depth)
       if (event%kind == event_kind(event_impact, coast_flank)) call push_flight(self, -depth)
-      sums%flight_depth = 0
-      sums%flight_depth_before = 0
+      call end_flight(sums, event%kind)
     end associate
   end subroutine count_event
-
-  !> Whether an event ends a flight at a flank, by an impact or in contact.
-  pure logical function is_arrival(kind)
-    integer, intent(in) :: kind                  !! event_kind
-    is_arrival = kind <= event_kind(event_impact, coast_flank) .or. (kind >= event_engage .and. &
-        kind <= event_kind(event_engage, coast_flank))
-  end function is_arrival
 
   !> Keep the depth of a flight that an impact has ended, until the cycle's depth is known.
   subroutine push_flight(self, depth)
@@ -174,14 +220,9 @@ contains
         end if
         sums%tangent = tangent_t()
       end if
-      sums%strobe_due = .true.
-      sums%counter = 0
-      sums%cycle_depth = 0
       sums%flight_depth_before = max(sums%flight_depth, sums%flight_depth_before)
       sums%flight_depth = 0
-      sums%back_penetration = 0
-      sums%states_visited = 0
-      sums%n_flights = 0
+      call forget_cycle(sums)
     end associate
   end subroutine close_cycle
 

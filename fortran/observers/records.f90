@@ -1,7 +1,8 @@
 !> What a scene can ask to be recorded, where it goes, and the log of events.
 module lapwing_observers_records
+  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use lapwing_kinds, only: wp
-  use lapwing_codes, only: coast_flank, event_impact, event_near_graze, event_kind
+  use lapwing_codes, only: coast_flank, event_impact, event_engage, event_near_graze, event_kind
   use lapwing_hybrid_state, only: event_t
   use lapwing_observers_deviations, only: deviations_t
   use lapwing_observers_speeds, only: speed_density_t
@@ -9,12 +10,14 @@ module lapwing_observers_records
   use lapwing_system, only: max_states
   implicit none
   private
-  public :: recorder_t, sums_t, start_recording, waits_for_room, log_has_room, log_line
+  public :: recorder_t, sums_t, start_recording, start_watching, watches_flights, waits_for_room
+  public :: forget_cycle, log_has_room, log_line, is_arrival, flight_none, flight_whole
   public :: column_state, column_phi, column_counted, column_engages, column_chatter_ends
   public :: column_depth, column_visited
   public :: log_columns, cycle_columns, sample_columns, n_counters, max_flights, log_reserve
 
-  integer, parameter :: log_columns = 6       !! kind, cycle, t, phi, velocity before, after
+  !> Kind, cycle, t, phi, velocity before, after; depth of the flight before.
+  integer, parameter :: log_columns = 7
   ! With the other states of a system that has more than phi and phi' behind them:
   integer, parameter :: cycle_columns = 17    !! see `close_cycle`; some of them by name:
   integer, parameter :: column_state = 2, column_phi = 3, column_counted = 7, column_engages = 11
@@ -26,6 +29,9 @@ module lapwing_observers_records
   !> A segment adds its four events and, at most now and then, a near-graze per piece and flank.
   integer, parameter :: log_reserve = 64
 
+  !> Of the flight under way: there is none, it was watched from its beginning or in part.
+  integer, parameter :: flight_none = 0, flight_whole = 1, flight_in_part = 2
+
   !> What the statistics of a cycle still need when the cycle is cut.
   type :: sums_t
     integer :: n_log = 0                       !! lines in the log, also those it had no room for
@@ -35,6 +41,9 @@ module lapwing_observers_records
     real(wp) :: counter(n_counters) = 0        !! events of the cycle by kind
     real(wp) :: flight_depth = 0               !! deepest point of the flight in this cycle, rad
     real(wp) :: flight_depth_before = 0        !! and in the cycles before
+    integer :: flight_known = flight_none      !! what is known of that flight: flight_*
+    logical :: flights_watched = .false.       !! whether flights were watched up to here
+    logical :: cycles_watched = .false.        !! and cycles
     real(wp) :: cycle_depth = 0                !! deepest point of the cycle so far, rad
     real(wp) :: back_penetration = 0           !! deepest point in the coast flank, rad
     integer :: states_visited = 0              !! bit k: motion state k
@@ -55,6 +64,9 @@ module lapwing_observers_records
     logical :: want_strobe = .false.           !! state at the beginning of each cycle
     logical :: want_cycles = .false.           !! statistics of each cycle
     logical :: want_tangent = .false.          !! tangent map of each cycle; wants the strobe too
+    logical :: want_depths = .false.           !! depths of flights in the log
+    logical :: want_unfinished = .false.       !! where a run ends, the cycle under way as well
+    logical :: unfinished = .false.            !! whether there is one, behind those closed
     type(deviations_t) :: deviations           !! how they move, for the tangent map
     real(wp) :: graze_distance = 0             !! what is near, rad
     real(wp) :: count_depth = 0.01_wp          !! least depth of a counted flight / cycle's depth
@@ -77,6 +89,45 @@ contains
     self%sums%next_sample = 1
     self%sums%fastest = 0
   end subroutine start_recording
+
+  !> A run goes on, or begins, watched by this recorder: what another that did not watch has left
+  !> of a flight or of a cycle is no part of it.
+  subroutine start_watching(self, in_flight)
+    type(recorder_t), intent(inout) :: self
+    logical, intent(in) :: in_flight             !! whether a flight is under way already
+    logical :: cycles
+    associate (sums => self%sums)
+      if (watches_flights(self) .and. .not. sums%flights_watched) then
+        sums%flight_known = merge(flight_in_part, flight_none, in_flight)
+        sums%flight_depth = 0
+        sums%flight_depth_before = 0
+      end if
+      cycles = self%want_strobe .or. self%want_cycles
+      if (cycles .and. .not. sums%cycles_watched) then
+        call forget_cycle(sums)
+        sums%tangent = tangent_t()
+      end if
+      sums%flights_watched = watches_flights(self)
+      sums%cycles_watched = cycles
+    end associate
+  end subroutine start_watching
+
+  !> Another cycle begins, or nothing is known of the one under way.
+  pure subroutine forget_cycle(sums)
+    type(sums_t), intent(inout) :: sums
+    sums%strobe_due = .true.
+    sums%counter = 0
+    sums%cycle_depth = 0
+    sums%back_penetration = 0
+    sums%states_visited = 0
+    sums%n_flights = 0
+  end subroutine forget_cycle
+
+  !> Whether the depth of each flight is followed.
+  pure logical function watches_flights(self)
+    type(recorder_t), intent(in) :: self
+    watches_flights = self%want_cycles .or. self%want_depths
+  end function watches_flights
 
   !> Whether a run stops while its log is full, instead of going on without writing.
   pure logical function waits_for_room(self)
@@ -105,6 +156,24 @@ contains
     self%sums%n_log = self%sums%n_log + 1
     if (self%sums%n_log > size(self%log, 2)) return
     self%log(:, self%sums%n_log) = [real(event%kind, wp), real(event%cycle, wp), event%t, &
-        event%phi, event%before, event%after]
+        event%phi, event%before, event%after, flight_before(self%sums, event%kind)]
   end subroutine log_line
+
+  !> Depth of the flight that an event ends; NaN where it ends none, or one not watched throughout.
+  pure real(wp) function flight_before(sums, kind) result(depth)
+    type(sums_t), intent(in) :: sums             !! up to the event
+    integer, intent(in) :: kind                  !! event_kind
+    if (is_arrival(kind) .and. sums%flight_known == flight_whole) then
+      depth = max(sums%flight_depth, sums%flight_depth_before)
+    else
+      depth = ieee_value(depth, ieee_quiet_nan)
+    end if
+  end function flight_before
+
+  !> Whether an event ends a flight at a flank, by an impact or in contact.
+  pure logical function is_arrival(kind)
+    integer, intent(in) :: kind                  !! event_kind
+    is_arrival = kind <= event_kind(event_impact, coast_flank) .or. (kind >= event_engage .and. &
+        kind <= event_kind(event_engage, coast_flank))
+  end function is_arrival
 end module lapwing_observers_records

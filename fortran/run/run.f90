@@ -5,7 +5,8 @@ module lapwing_run
   use lapwing_codes, only: status_ok, status_unfinished, status_step_too_small, status_not_finite
   use lapwing_flow, only: flow_t, work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
-  use lapwing_observers_recorder, only: record_segment, sample_at, look_ahead
+  use lapwing_observers_recorder, only: record_segment, sample_at, look_ahead, &
+      write_unfinished
   use lapwing_observers_records, only: recorder_t, log_has_room
   use lapwing_run_cycle_detection, only: repetition_t, end_of_cycle
   use lapwing_system, only: system_t, instant_t
@@ -56,6 +57,7 @@ contains
       call advance(system, flow, numerics, state, segment, work, status)
       if (status == status_step_too_small .or. status == status_not_finite) then
         state = before
+        if (recorder%want_unfinished) call write_unfinished(recorder, system, flow, segment, 0.0_wp)
         return
       end if
       if (passed(state%instant, target_cycle, target_t)) then
@@ -63,10 +65,16 @@ contains
         work = work_before
         status = status_ok
         call look_ahead(recorder, system, flow, segment, target_t, work)
+        if (recorder%want_unfinished) then
+          call write_unfinished(recorder, system, flow, segment, target_t)
+        end if
         exit
       end if
       call record_segment(recorder, system, flow, segment, state%instant, work)
-      if (status /= status_ok) return
+      if (status /= status_ok) then
+        if (recorder%want_unfinished) call write_unfinished(recorder, system, flow, segment, 0.0_wp)
+        return
+      end if
       if (segment%cycle_completed .and. numerics%copy_repeats) then
         call end_of_cycle(repetition, target_cycle, state, recorder, work)
       end if

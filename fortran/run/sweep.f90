@@ -5,7 +5,7 @@
 !> and where a call is cut, changes no bit of any result.
 module lapwing_run_sweep
   use lapwing_kinds, only: wp, int64
-  use lapwing_codes, only: status_ok, status_unfinished, status_out_of_memory
+  use lapwing_codes, only: separation, status_ok, status_unfinished, status_out_of_memory
   use lapwing_flow, only: flow_t, work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
   use lapwing_run_method, only: make_system, make_flow
@@ -13,7 +13,7 @@ module lapwing_run_sweep
   use lapwing_system_parameters, only: parameters_t
   use lapwing_observers_deviations, only: deviations_of
   use lapwing_observers_motion_class, only: motion_class, class_columns
-  use lapwing_observers_records, only: recorder_t, start_recording
+  use lapwing_observers_records, only: recorder_t, start_recording, start_watching
   use lapwing_run, only: run_to
   use lapwing_system_start, only: start_of_run
   use lapwing_run_checkpoint, only: pack_blob, unpack_blob, pack_work, work_size
@@ -218,6 +218,8 @@ contains
           state, silent, work, status)
       if (status /= status_ok) return
       line%stage = stage_prepare
+      if (sweep%settle > 1) call start_watching(recorder, &
+          state%instant%motion_state == separation)
     end if
     call point_at_output(sweep, system, line, recorder)
     if (line%stage == stage_prepare) then

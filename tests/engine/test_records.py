@@ -9,12 +9,12 @@ from lapwing.engine.records import CYCLE_TABLE, EVENT_TABLE, SAMPLE_TABLE, named
 
 
 def test_rows_and_names_are_the_same_bytes():
-    rows = np.arange(24.0).reshape(2, 2, 6)
+    rows = np.arange(28.0).reshape(2, 2, 7)
     table = named(rows, EVENT_TABLE)
-    assert table.shape == (2, 2) and table["kind"].tolist() == [[0, 6], [12, 18]]
-    assert table["velocity_after"][1, 1] == 23
+    assert table.shape == (2, 2) and table["kind"].tolist() == [[0, 7], [14, 21]]
+    assert table["flight_depth"][1, 1] == 27
     assert numbers(table).tobytes() == rows.tobytes()
-    assert named(np.zeros((0, 6)), EVENT_TABLE).shape == (0,)
+    assert named(np.zeros((0, 7)), EVENT_TABLE).shape == (0,)
 
 
 def test_what_was_not_recorded_is_unknown():

@@ -151,6 +151,7 @@ contains
 end module bodies_with_accounts
 
 program test_torsional_chain
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use assertions, only: tally_t
   use bodies_with_accounts, only: bodies_t, accounts_t, set_torques, velocities, kinetic_energy, &
       with_accounts, torsional_chain
@@ -238,7 +239,11 @@ contains
     call follow(torsional_chain(p, knots, te, kinks), log(:, :, 2), cycles(:, :, 2), lines(2))
     call tally%equal(lines(2), lines(1), what//": lines of the log")
     call tally%is_true(lines(1) > 20 .and. lines(1) < size(log, 2), what//": a log worth comparing")
-    call tally%is_true(all(log(:, :, 1) == log(:, :, 2)), what//": same events")
+    ! Where an event ends no flight there is no depth.
+    call tally%is_true(all(log(:, :, 1) == log(:, :, 2) &
+        .or. (ieee_is_nan(log(:, :, 1)) .and. ieee_is_nan(log(:, :, 2)))), what//": same events")
+    call tally%is_true(count(.not. ieee_is_nan(log(log_columns, :lines(1), 1))) > 10, &
+        what//": depths worth comparing")
     call tally%is_true(all(cycles(:, :, 1) == cycles(:, :, 2)), what//": same cycles")
   end subroutine same_motion
 

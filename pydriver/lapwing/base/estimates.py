@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 # Columns of the engine's tables (loading it takes longer than `check` itself), bytes of a number.
-CYCLE, TANGENT, LOG, SAMPLE, REAL = 17, 13, 6, 3, 8
+CYCLE, TANGENT, LOG, SAMPLE, REAL = 17, 13, 7, 3, 8
 LOG_ROOM = 2000
 # In the result file, per sample and per cycle: numbers of 8 bytes, and whole ones of 4 and 1.
 STORED_SAMPLE, STORED_CYCLE = 6 * 8 + 4 + 1, 4 * 8 + 12 * 4

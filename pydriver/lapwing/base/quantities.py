@@ -109,6 +109,8 @@ DESCRIPTIONS: dict[str, tuple[str | None, str]] = {
     "event_phi": ("rad", "relative angle at the event"),
     "velocity_before": ("rad", f"velocity relative to the flank before, {VELOCITY}"),
     "velocity_after": ("rad", f"velocity relative to the flank after, {VELOCITY}"),
+    "flight_depth": ("rad", "greatest depth of the flight that the event ends"),
+    "complete": (None, "whether the mesh cycle was followed from its beginning to its end"),
     "impact_energy": ("J", "kinetic energy lost in impacts, in the flank's frame"),
     "mesh_force_mean": ("N", "mean normal force of spring and damper"),
     "mesh_force_peak": ("N", "largest magnitude of the force of spring and damper"),

@@ -142,7 +142,8 @@ def _choices(osc: Oscillator, numerics: Numerics, method: str, wanted: Wanted, s
              Gap[osc.gap.upper()], osc.back_flank_te, numerics.max_events_per_cycle,
              numerics.max_steps_per_cycle, wanted.events, wanted.impacts, wanted.grazes,
              wanted.strobe or wanted.tangent, wanted.cycles, settle, record,
-             Method[method.upper()], wanted.tangent, numerics.copy_repeats, osc.degrees_of_freedom)
+             Method[method.upper()], wanted.tangent, numerics.copy_repeats, osc.degrees_of_freedom,
+             wanted.depths)
     return np.array([int(code) for code in codes], dtype=np.intc)
 
 
@@ -203,8 +204,9 @@ class TrajectoryCall:
     """One trajectory under way: repeated bounded calls from a start, or from a blob, to a target.
 
     After `run`, `events`, `cycles`, `samples` and, where it is wanted, `tangent` are tables of
-    `records`: structured arrays (n,). With two degrees of freedom `cycle_means` and `sample_means`
-    are beside them, else None. `checkpoints` are (cycle, time in it, blob) between its calls.
+    `records`: structured arrays (n,); `unfinished` is the line, or none, of the cycle in which the
+    run ended. With two degrees of freedom `cycle_means`, `unfinished_means` and `sample_means` are
+    beside them, else None. `checkpoints` are (cycle, time in it, blob) between its calls.
     """
 
     def __init__(self, osc: Oscillator, start: tuple[float, float, float, float],
@@ -215,7 +217,12 @@ class TrajectoryCall:
         self.blob = np.zeros(BLOB_SIZE) if blob is None else blob.copy()
         self._wanted = wanted
         self._more = 2 * osc.degrees_of_freedom - 2
-        self.cycle = cycle
+        self.cycle = self.begun = cycle
+
+    @property
+    def watches_cycles(self) -> bool:
+        """Whether there are statistics of cycles."""
+        return self._wanted.cycles
 
     def run(self, target: tuple[int, float],
             sample_times: Sequence[tuple[float, float]] | NDArray[Any]) -> TrajectoryCall:
@@ -235,7 +242,8 @@ class TrajectoryCall:
             if by_cycle and target[0] - cycle > room:
                 step_target = (cycle + room, 0.0)
             log = np.empty((LOG_COLUMNS, log_room), order="F")
-            table = np.empty((CYCLE_COLUMNS + self._more, room), order="F")
+            # One more for a cycle that is not complete.
+            table = np.empty((CYCLE_COLUMNS + self._more, room + 1), order="F")
             tangent = np.empty((width, room if self._wanted.tangent else 1), order="F")
             rest = np.full((len(samples), max(1, samples.shape[1] - sampled)), np.nan, order="F")
             rest_times = np.asfortranarray(times[:, sampled:] if sampled < times.shape[1]
@@ -262,6 +270,8 @@ class TrajectoryCall:
             cycle, done[4], int(done[5]), done[6], done[7])
         self.events = named(_one(logs), EVENT_TABLE)
         self.cycles, self.cycle_means = with_means(_one(cycles), CYCLE_TABLE)
+        last = int(done[2]) + np.arange(int(done[8]))
+        self.unfinished, self.unfinished_means = with_means(table[:, last].T, CYCLE_TABLE)
         self.samples, self.sample_means = with_means(samples.T, SAMPLE_TABLE)
         self.tangent = named(_one(tangents), tangent_table(2 + self._more)) \
             if self._wanted.tangent else None

@@ -64,10 +64,12 @@ class Numerics:
 class Wanted:
     """What a run records; what is not named is neither computed nor stored.
 
-    `speed_edges` (rad per τ, of equal ratio; sweeps only) are the bins of impact speeds.
+    `depths` are those of the flights that end with an event; `speed_edges` (rad per τ, of equal
+    ratio; sweeps only) are the bins of impact speeds.
     """
 
     events: bool = False
+    depths: bool = False
     impacts: bool = False
     grazes: bool = False
     strobe: bool = False

@@ -16,9 +16,10 @@ from lapwing.base.codes import EventKind
 
 RATE = "rad per tau"
 # Columns of each table, in the engine's order: name -> unit. Velocities of an event are relative
-# to the flank touched; `t` is the time since the cycle's beginning.
+# to the flank touched; `t` is the time since the cycle's beginning; `flight_depth` the greatest
+# depth of the flight that the event ends, NaN where it ends none or one not watched throughout.
 EVENT = {"kind": "1", "cycle": "1", "t": "1", "phi": "rad", "velocity_before": RATE,
-         "velocity_after": RATE}
+         "velocity_after": RATE, "flight_depth": "rad"}
 SAMPLE = {"motion_state": "1", "phi": "rad", "phi_dot": RATE}
 CYCLE = {"cycle": "1", "motion_state": "1", "phi": "rad", "phi_dot": RATE} | dict.fromkeys(
     ("impacts", "back_impacts", "counted_impacts", "counted_back_impacts", "releases",

@@ -18,7 +18,7 @@ from lapwing.base.codes import MotionState, Status
 from lapwing.base.messages import facts_html
 from lapwing.base.quantities import worded
 from lapwing.engine import Numerics, TrajectoryCall, Wanted, chosen, position, thinned
-from lapwing.engine.records import CYCLE, CYCLE_REALS, MEAN
+from lapwing.engine.records import CYCLE, CYCLE_REALS, EVENT, MEAN
 from lapwing.model.oscillator import Oscillator
 from lapwing.model.start import put_on_flank, start_problem
 
@@ -52,6 +52,8 @@ class HybridState:
     _oscillator: Any = field(repr=False, default=None, compare=False)
     _origin: tuple[Any, ...] = field(repr=False, default=())
     _cycles: float = field(repr=False, default=0.0)
+    # Whether the statistics of the cycle under way run since its beginning.
+    _cycle_seen: bool = field(repr=False, default=True, compare=False)
     _blob: np.ndarray | None = field(repr=False, default=None, compare=False)
     # (cycle, time in it, blob) of places on the way here from which a history may go on.
     _checkpoints: tuple[Any, ...] = field(repr=False, default=(), compare=False)
@@ -64,10 +66,14 @@ class Run:
     Attributes
     ----------
     oscillator : Oscillator
-    events : xarray.Dataset over `event`: tau, cycle, phase, kind (EventKind), phi, and the
-        velocity relative to the flank touched before and after
+    events : xarray.Dataset over `event`: tau, cycle, phase, kind (EventKind), phi, the velocity
+        relative to the flank touched before and after, and flight_depth (rad), the greatest depth
+        of the flight that an impact or engagement ends; NaN where an event ends none, or one that
+        began while no events were observed
     cycles : xarray.Dataset over `cycle`: state at the cycle's beginning, events by kind and
-        flank, deepest separation; counted impacts by decision l of docs/model.md
+        flank, deepest separation; counted impacts by decision l of docs/model.md. `complete` is
+        False of a cycle that was not followed from its beginning to its end: the one in which the
+        run ended, with what happened up to there, and the one in which it began
     final : HybridState
     status : Status; other than OK the run ended early, at `final`
     work : dict, counts of steps, searches and samples
@@ -81,6 +87,8 @@ class Run:
     method: str
     _numerics: Any = field(repr=False, default=None)
     _call: Any = field(repr=False, default=None)
+    # Whether the first cycle was followed from its beginning.
+    _first_seen: bool = field(repr=False, default=True)
 
     @cached_property
     def events(self) -> Any:
@@ -89,8 +97,8 @@ class Run:
 
     @cached_property
     def cycles(self) -> Any:
-        """Statistics of each cycle."""
-        return _cycle_dataset(self._call.cycles, self._call.cycle_means)
+        """Statistics of each cycle, also of one in which the run began or ended."""
+        return _cycle_dataset(self._call, self._first_seen)
 
     def __repr__(self) -> str:
         return f"<Run {', '.join(f'{name}: {fact}' for name, fact in self._facts().items())}>"
@@ -100,8 +108,10 @@ class Run:
 
     def _facts(self) -> dict[str, object]:
         """What tells one from another, in words."""
+        complete = self.cycles["complete"].values
+        part = f" and {np.sum(~complete)} in part" * (not complete.all())
         return {"status": self.status.name, "tau": f"{self.final.tau:.10g}",
-                "events": self.events.sizes["event"], "cycles": self.cycles.sizes["cycle"],
+                "events": self.events.sizes["event"], "cycles": f"{complete.sum()}{part}",
                 "ends in": self.final.motion_state.name.lower(), "method": self.method}
 
     def history(self, taus: NDArray[Any]) -> xr.Dataset:
@@ -192,10 +202,12 @@ def simulate(osc: Oscillator, start: Any = "rest", phase: float = 0.0, cycles: f
         graze_distance = 1e-3 * osc.angle_scale
     else:
         graze_distance = arguments.not_negative("graze_distance", graze_distance)
-    wanted = Wanted(events="events" in observe, cycles="cycles" in observe,
-                    grazes="grazes" in observe, graze_distance=graze_distance)
+    wanted = Wanted(events="events" in observe, depths="events" in observe,
+                    cycles="cycles" in observe, grazes="grazes" in observe,
+                    graze_distance=graze_distance)
+    seen = phase == 0
     if isinstance(start, HybridState):
-        origin, before = start._origin, start._cycles
+        origin, before, seen = start._origin, start._cycles, start._cycle_seen
         cycle, _ = position(origin[1], before, osc.period)
         call = TrajectoryCall(osc, (engine.GO_ON, 0, 0, 0), start._blob, cycle,
                               numerics=numerics, wanted=wanted)
@@ -206,7 +218,7 @@ def simulate(osc: Oscillator, start: Any = "rest", phase: float = 0.0, cycles: f
     # A target inside a stretch is reported by a sample; one at a cycle's end is reached exactly.
     call.run(target, [target] if target[1] > 0 or osc.degrees_of_freedom == 2 else [])
     passed = start._checkpoints if isinstance(start, HybridState) else ()
-    return _result(osc, call, origin, before + cycles, target, numerics, passed)
+    return _result(osc, call, origin, before + cycles, target, numerics, passed, seen)
 
 
 def engine_start(osc: Oscillator, start: Any) -> tuple[float, float, float]:
@@ -272,8 +284,12 @@ def _same(one: Oscillator, other: Oscillator) -> bool:
 
 
 def _result(osc: Oscillator, call: TrajectoryCall, origin: tuple[tuple[float, float, float], float],
-            cycles: float, target: tuple[int, float], numerics: Numerics, before: Any) -> Run:
-    """What the engine recorded, and the state at the target."""
+            cycles: float, target: tuple[int, float], numerics: Numerics, before: Any,
+            seen: bool) -> Run:
+    """What the engine recorded, and the state at the target.
+
+    `seen` tells whether the cycle in which the run began was followed from its beginning.
+    """
     phase0, period = origin[1], osc.period
     at = (call.cycle, call.t, call.motion_state, call.phi, call.phi_dot)
     if call.status == Status.OK and (call.cycle, call.t) != target:
@@ -285,9 +301,10 @@ def _result(osc: Oscillator, call: TrajectoryCall, origin: tuple[tuple[float, fl
         **({} if call.sample_means is None or osc.degrees_of_freedom == 1 else
            {name: float(call.sample_means[name][0]) for name in MEAN}),
         _oscillator=osc, _origin=origin, _cycles=cycles, _blob=call.blob,
+        _cycle_seen=bool(at[1] == 0 or (call.watches_cycles and (seen or at[0] != call.begun))),
         _checkpoints=thinned((*before, *call.checkpoints, (call.cycle, call.t, call.blob))))
     return Run(oscillator=osc, final=final, status=call.status, work=call.work,
-               method=call.method, _numerics=numerics, _call=call)
+               method=call.method, _numerics=numerics, _call=call, _first_seen=seen)
 
 
 def _tau(cycle: Any, t: Any, phase0: float, period: float) -> Any:
@@ -300,16 +317,22 @@ def _event_dataset(events: NDArray[Any], phase0: float, period: float) -> xr.Dat
     tau = _tau(events["cycle"], events["t"], phase0, period)
     data = {"tau": tau, "cycle": events["cycle"].astype(np.int64), "phase": events["t"] / period,
             "kind": events["kind"].astype(np.int8)}
-    data |= {name: events[name].copy() for name in ("phi", "velocity_before", "velocity_after")}
+    data |= {name: events[name].copy() for name in list(EVENT)[3:]}
     return worded(xr.Dataset({name: ("event", values) for name, values in data.items()}))
 
 
-def _cycle_dataset(cycles: NDArray[Any], means: NDArray[Any] | None) -> xr.Dataset:
+def _cycle_dataset(call: TrajectoryCall, first_seen: bool) -> xr.Dataset:
+    """Cycles from end to end, and the one in which the run ended; the first may lack a part."""
     import xarray as xr
 
+    cycles = np.append(call.cycles, call.unfinished)
+    complete = np.arange(len(cycles)) < len(call.cycles)
+    complete[:1] &= first_seen
     data = {name: ("cycle", cycles[name].copy() if name in CYCLE_REALS
                    else cycles[name].astype(np.int64)) for name in CYCLE}
-    data |= _mean_columns("cycle", means)
+    if call.cycle_means is not None and call.unfinished_means is not None:
+        data |= _mean_columns("cycle", np.append(call.cycle_means, call.unfinished_means))
+    data["complete"] = ("cycle", complete)
     return worded(xr.Dataset(data).set_coords("cycle"))
 
 

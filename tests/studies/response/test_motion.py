@@ -23,7 +23,7 @@ SHORT = {"settle": 60, "record": 30, "samples_per_cycle": 400, "rtol": 1e-8}
 
 def rows(*lines):
     """Log lines: kind, cycle, t, phi, before, after."""
-    return np.array([(kind, cycle, t, 0.0, before, after)
+    return np.array([(kind, cycle, t, 0.0, before, after, np.nan)
                      for kind, cycle, t, before, after in lines], dtype=EVENT_TABLE)
 
 

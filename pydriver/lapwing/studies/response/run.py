@@ -106,9 +106,11 @@ def response(osc: Oscillator, pair: GearPair, *, name: str, start: Any = "rest",
         Over `sample`: time (s from the first recorded cycle; a coordinate), phase (mesh periods),
         sample_cycle, motion_state, phi (rad), phi_dot (rad per τ), mesh_force (N; coast flank
         negative; NaN with the rigid law), dynamic_te (θ, rad).  Over `event`: event_time (a
-        coordinate), event_phase, …, velocity_before, velocity_after (rad per τ), impact_energy (J
-        lost; NaN for what is no impact).  Over `cycle`: cycle_*, the columns of `simulate`, forces
-        (N; peak: largest magnitude) and impact energy (J).  With two degrees of freedom
+        coordinate), event_phase, …, velocity_before, velocity_after (rad per τ), flight_depth
+        (rad; NaN for what ends no flight, or one that began before the last mesh cycle that was
+        left to settle), impact_energy (J lost; NaN for what is no impact).  Over `cycle`: cycle_*,
+        the columns of `simulate`, forces (N; peak: largest magnitude) and impact energy (J).  With
+        two degrees of freedom
         pinion_angle, gear_angle (rad ahead of the nominal rotation), pinion_speed, gear_speed and
         cycle_mean_speed (of the pinion; rad/s).  Cycles are counted from the first recorded one.
         The numbers of the summary are attributes.  A run that fails numerically has its `status`,
@@ -365,13 +367,13 @@ def _sample_columns(osc: Oscillator, pair: GearPair, recording: Recording, store
 
 def _event_columns(pair: GearPair, recording: Recording, period: float,
                    second: float) -> dict[str, NDArray[Any]]:
-    kind, cycle, t, phi, before, after = (recording.events[name] for name in EVENT)
+    kind, cycle, t, phi, before, after, depth = (recording.events[name] for name in EVENT)
     energy = 0.5 * pair.torsional_stiffness * (before**2 - after**2)
     impact = np.isin(kind, (EventKind.IMPACT, EventKind.BACK_IMPACT))
     return {"event_time": (cycle + t / period) * second, "event_phase": t / period,
             "event_cycle": cycle.astype(np.int32), "event_kind": kind.astype(np.int8),
             "event_phi": phi, "velocity_before": before, "velocity_after": after,
-            "impact_energy": np.where(impact, energy, np.nan)}
+            "flight_depth": depth, "impact_energy": np.where(impact, energy, np.nan)}
 
 
 def _cycle_columns(outcome: _Outcome) -> dict[str, NDArray[Any]]:
