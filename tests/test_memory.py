@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import lapwing
-from lapwing.engine import calls
+from lapwing.engine import methods
 
 # A child process under a limit: its outcome, and the most memory it had, MB.
 CHILD = """
@@ -86,7 +86,7 @@ def test_a_graded_scene_moves_as_steps_do(te, ratio, xi):
     graded, stepped = (
         lapwing.simulate(osc, ("separation", -1e-4, 0.0), cycles=0.3, method=method, rtol=1e-12)
         for method in ("exact", "rk4"))
-    assert osc.period * max(1, 2 * xi) > calls.GRADED_SPAN
+    assert osc.period * max(1, 2 * xi) > methods.GRADED_SPAN
     assert graded.events.kind.values.tolist() == stepped.events.kind.values.tolist()
     # To the tolerance of the steps, and of time against the period.
     assert graded.events.tau.values == pytest.approx(stepped.events.tau.values, rel=1e-9, abs=1e-9)

@@ -4,6 +4,7 @@
 !> before ended. What a line does depends on nothing outside it, so that the number of threads,
 !> and where a call is cut, changes no bit of any result.
 module lapwing_run_sweep
+  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use lapwing_kinds, only: wp, int64
   use lapwing_codes, only: separation, status_ok, status_unfinished, status_out_of_memory
   use lapwing_flow, only: flow_t, work_t
@@ -40,8 +41,9 @@ module lapwing_run_sweep
     type(recorder_t) :: recorder                                   !! what is wanted of each point
     integer :: settle = 0                                          !! cycles before recording
     integer :: record = 0                                          !! cycles recorded
-    !> (columns, record, n_points); one for all where the lines' rows are not wanted: then by one
-    !> thread, which leaves no line but one in the middle of a point.
+    !> (columns, record, n_points), rows of cycles that a point did not reach are NaN when it is
+    !> finished; one for all where the lines' rows are not wanted: then by one thread, which leaves
+    !> no line but one in the middle of a point.
     real(wp), pointer, contiguous :: cycles(:, :, :) => null()
     real(wp), pointer, contiguous :: tangent(:, :, :) => null()    !! (columns, record, n_points)
     real(wp), pointer, contiguous :: log(:, :, :) => null()        !! (columns, room, n_points)
@@ -264,6 +266,12 @@ contains
     integer, intent(in) :: status                    !! status_*
     real(wp), intent(inout) :: blob(:)               !! carried to the next point
     real(wp) :: found(class_columns)
+    integer :: recorded
+    recorded = 0
+    if (line%stage == stage_record) recorded = recorder%sums%n_cycles
+    associate (rest => sweep%cycles(:, recorded + 1:, min(line%point, size(sweep%cycles, 3))))
+      rest = ieee_value(rest, ieee_quiet_nan)
+    end associate
     found = 0
     if (status == status_ok .and. recorder%want_cycles) then
       associate (point => sweep%point(line%point))

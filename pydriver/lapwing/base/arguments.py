@@ -66,19 +66,18 @@ def _is_masked(value: object) -> bool:
 def real(name: str, value: object, *, low: float = -MOST, high: float = MOST,
          above: float | None = None, below: float | None = None) -> float:
     """A finite number: low <= value <= high, above < value < below where these are given."""
-    expected = _range("a number", low, high, above, below)
-    given = plain(value)
+    given = value if type(value) is float else plain(value)
     if isinstance(given, bool) or not isinstance(given, Real) or _is_masked(given):
-        raise TypeError(wrong(name, value, expected))
+        raise TypeError(wrong(name, value, _range("a number", low, high, above, below)))
     try:
         number = float(given)
+        # The comparisons are written so that NaN fails them.
+        if low <= number <= high and (above is None or number > above) \
+                and (below is None or number < below):
+            return number
     except (OverflowError, ValueError):
-        raise ValueError(wrong(name, value, expected)) from None
-    # The comparisons are written so that NaN fails them.
-    if not (low <= number <= high and (above is None or number > above)
-            and (below is None or number < below)):
-        raise ValueError(wrong(name, value, expected))
-    return number
+        pass
+    raise ValueError(wrong(name, value, _range("a number", low, high, above, below)))
 
 
 def positive(name: str, value: object) -> float:
@@ -93,6 +92,8 @@ def not_negative(name: str, value: object) -> float:
 
 def whole(name: str, value: object, low: int = 0, high: int = MAX_INT - 1) -> int:
     """A whole number that the engine can count; 1.0 and True are none."""
+    if type(value) is int and low <= value <= high:
+        return value
     expected = f"a whole number from {low} to {high}"
     given = plain(value)
     if isinstance(given, bool) or not isinstance(given, Real) or _is_masked(given):
@@ -112,7 +113,7 @@ def phase(name: str, value: object) -> float:
 
 def flag(name: str, value: object) -> bool:
     """True or False; 0 and 1 are none."""
-    given = plain(value)
+    given = value if isinstance(value, bool) else plain(value)
     if not isinstance(given, bool):
         raise TypeError(wrong(name, value, "True or False"))
     return given
@@ -148,6 +149,8 @@ def renamed(old: dict[str, Any], who: str, names: dict[str, tuple[str, Any]]) ->
 
 def choice(name: str, value: object, allowed: Iterable[str]) -> str:
     """One of some words."""
+    if type(value) is str and value in allowed:
+        return value
     expected = f"one of {', '.join(map(repr, allowed))}"
     if not isinstance(value, str):
         raise TypeError(wrong(name, value, expected))
@@ -158,6 +161,8 @@ def choice(name: str, value: object, allowed: Iterable[str]) -> str:
 
 def choices(name: str, value: object, allowed: Iterable[str], *, least: int = 0) -> tuple[str, ...]:
     """Some of some words, each once; a single word is no list of them."""
+    if type(value) is tuple and len(value) == 1 and type(value[0]) is str and value[0] in allowed:
+        return value
     expected = f"a tuple of {', '.join(map(repr, allowed))}, each once"
     try:
         words = None if isinstance(value, str | bytes | dict) \

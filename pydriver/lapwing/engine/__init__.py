@@ -7,15 +7,13 @@ from lapwing.engine.calls import (
     REST,
     SweepResult,
     TrajectoryCall,
-    common_method,
     find_period,
     flank_motion,
-    method_of,
     position,
-    steps,
     sweep,
     thinned,
 )
+from lapwing.engine.methods import common_method, method_of, steps
 from lapwing.engine.numerics import METHODS, Numerics, Wanted, chosen
 from lapwing.engine.points import Points
 from lapwing.engine.records import (

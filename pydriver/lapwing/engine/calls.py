@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from lapwing._engine import api
 from lapwing.base.codes import ContactLaw, Gap, ImpactLaw, Method, Status
 from lapwing.base.threads import usable_threads
-from lapwing.engine.flanks import flank_argument, series_is_taken
+from lapwing.engine.flanks import flank_argument
+from lapwing.engine.methods import common_method, method_of
 from lapwing.engine.points import Points
 from lapwing.engine.records import (
     CYCLE_TABLE,
@@ -30,7 +31,6 @@ from lapwing.engine.records import (
     with_means,
     work_counts,
 )
-from lapwing.model.linear_response import response_amplification
 from lapwing.model.oscillator import TE_SIGNS
 
 if TYPE_CHECKING:
@@ -50,72 +50,9 @@ LINE_DONE = 4  # fortran/run/sweep.f90, stage_done
 GO_ON, REST = -2.0, -1.0
 # f2py takes no empty array; this one stands for no samples.
 NO_SAMPLE = np.array([[-1.0], [0.0]])
-# Three of sixteen digits may be lost between response and free oscillation.
-MOST_AMPLIFIED = 1e3
 EXACT_CHATTER_TOL = 1e-13
-# From about here on the closed form is graded (most_panels times panel_span of
-# fortran/flow/exact/panels.f90): its parts are pieces of the table each by itself, and no
-# periodic response is among them.
-GRADED_SPAN = 1.31e5
 # Ways to run an oscillator for which its arguments are kept.
 MOST_KEPT = 16
-
-
-def method_of(osc: Oscillator, numerics: Numerics) -> str:
-    """'exact' or 'rk4': how an oscillator is moved under `numerics`.
-
-    The closed form of contact is a periodic response plus a free oscillation. Near an undamped
-    resonance both grow without bound and leave no digits in their sum; RK4 has no such trouble.
-    Two degrees of freedom have no closed form here.
-
-    Raises
-    ------
-    ValueError
-        where 'exact' is asked for and there is none, or the response is more than `MOST_AMPLIFIED`
-        times its cause.
-    """
-    stepped = _steps(osc, osc.mesh_frequency_ratio, osc.damping_ratio, numerics)
-    return "rk4" if stepped else "exact"
-
-
-def common_method(points: Any, numerics: Numerics) -> str:
-    """`method_of` many oscillators moved together: 'rk4' where one of them needs it.
-
-    Parameters
-    ----------
-    points : Points, or sequence of Oscillator
-    numerics : Numerics
-    """
-    points = points if isinstance(points, Points) else Points.of(points)
-    ratio, damping = points.mesh_frequency_ratio, points.damping_ratio
-    # Neither forces nor anything else but these matter here.
-    if np.all(ratio == ratio[0]) and np.all(damping == damping[0]):
-        ratio, damping = ratio[0], damping[0]
-    return "rk4" if np.any(_steps(points.shared, ratio, damping, numerics)) else "exact"
-
-
-def steps(points: Points, numerics: Numerics) -> NDArray[np.bool_]:
-    """Which of the points `method_of` moves by 'rk4', array (n,) of bool."""
-    return np.broadcast_to(_steps(points.shared, points.mesh_frequency_ratio,
-                                  points.damping_ratio, numerics), len(points))
-
-
-def _steps(osc: Oscillator, ratio: Any, damping: Any, numerics: Numerics) -> Any:
-    """Whether mesh frequency ratios and damping ratios (numbers or arrays) want 'rk4'."""
-    if numerics.method == "exact" and osc.degrees_of_freedom == 2:
-        raise ValueError("method = 'exact' goes with degrees_of_freedom = 1, expected 'rk4' or "
-                         "'auto'")
-    if numerics.method == "rk4" or osc.degrees_of_freedom == 2:
-        return np.True_
-    amplified = response_amplification(osc, ratio, damping)
-    span = 2 * np.pi / ratio * np.maximum(1.0, 2 * damping)
-    graded = (span > GRADED_SPAN) & (not series_is_taken(osc.te))
-    lost = (amplified > MOST_AMPLIFIED) & ~graded
-    if numerics.method == "auto" or not np.any(lost):
-        return lost
-    raise ValueError(f"method = 'exact': so near to an undamped resonance (amplification "
-                     f"{np.max(amplified[lost]):.3g}) the closed form loses its digits; take "
-                     "'rk4'")
 
 
 def _real_parameters(points: Any, numerics: Numerics, method: str, wanted: Wanted) -> NDArray[Any]:
@@ -350,8 +287,8 @@ def sweep(points: Any, lines: Any, starts: Any, *, numerics: Numerics, wanted: W
     wants_cycles = wanted.cycles or wanted.strobe or wanted.tangent
     more = 2 * shared.degrees_of_freedom - 2
     threads, tables = (threads, n) if keep_cycles else (1, 1)
-    cycles = np.full((CYCLE_COLUMNS + more, record if wants_cycles else 1, tables), np.nan,
-                     order="F")
+    # The engine fills it, rows of cycles that are not reached included.
+    cycles = np.empty((CYCLE_COLUMNS + more, record if wants_cycles else 1, tables), order="F")
     width = tangent_table(2 + more).itemsize // 8
     tangent = np.full((width, *((record, n) if wanted.tangent else (1, 1))), np.nan, order="F")
     density = np.zeros((len(wanted.speed_edges) + 1, n) if wanted.speed_edges else (1, 1),
@@ -379,11 +316,13 @@ def sweep(points: Any, lines: Any, starts: Any, *, numerics: Numerics, wanted: W
         if not keep_interrupted:
             raise
         interrupted = True
-        if keep_cycles:
-            cycles[:, :, outcome[0] == Status.UNFINISHED] = np.nan
         if wanted.tangent:
             tangent[:, :, outcome[0] == Status.UNFINISHED] = np.nan
         log[:, :, outcome[0] == Status.UNFINISHED] = np.nan
+    # Points that it left where they were, at an interruption or without memory.
+    left = (outcome[0] == Status.UNFINISHED) | (outcome[0] == Status.OUT_OF_MEMORY)
+    if keep_cycles and np.any(left):
+        cycles[:, :, left] = np.nan
     cycles, means = with_means(cycles.transpose(2, 1, 0), CYCLE_TABLE)
     return SweepResult(named(outcome.T, OUTCOME_TABLE), cycles, means,
                        named(tangent.transpose(2, 1, 0), tangent_table(2 + more)), density.T,

@@ -63,6 +63,8 @@ class Points:
 
     def repeated(self, times: int) -> Points:
         """All of them so many times over."""
+        if times == 1:
+            return self
         return Points(self.shared, **{name: np.tile(getattr(self, name), times)
                                       for name in NUMBERS})
 

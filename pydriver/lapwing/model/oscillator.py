@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 from numpy.typing import NDArray
@@ -267,6 +267,7 @@ class Oscillator:
         return replace(self, force=force)
 
 
+@cache
 def names(codes: type[IntEnum]) -> tuple[str, ...]:
     """Lower-case names of an IntEnum, as decks and keywords spell them."""
     return tuple(code.name.lower() for code in codes)

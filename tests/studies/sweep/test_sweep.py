@@ -105,6 +105,49 @@ def test_failed_point_keeps_its_neighbours():
     assert int(result.period.sel(start="rest", brake_torque=1.8)) == 0
 
 
+@pytest.mark.parametrize("settle", [0, 6])
+def test_rows_that_a_failed_point_did_not_reach_are_unknown(settle):
+    """Its cycles up to there are those of a run that did not fail."""
+    def rows(bound):
+        data = lapwing.sweep(PAIR, TE, values=torques, starts=("rest",), settle=settle, record=12,
+                             max_events_per_cycle=bound, **RELATIVE)
+        columns = [name for name in data.data_vars if data[name].dims[-1] == "recorded_cycle"]
+        return data["status"].values[0], np.array([data[name].values[0] for name in columns])
+
+    torques, reached = np.linspace(0.2, 12.1, 12), set()
+    status, whole = rows(1_000_000)
+    assert not np.any(status)
+    for bound in range(3, 30, 4):
+        status, cut = rows(bound)
+        for point in range(len(torques)):
+            known = np.isfinite(cut[:, point])
+            count = int(known[0].sum())
+            assert np.all(known == (np.arange(12) < count))
+            np.testing.assert_array_equal(cut[:, point, :count], whole[:, point, :count])
+            assert (count == 12) == (status[point] == Status.OK)
+            reached.add(count)
+    assert reached > {0, 12} if settle == 0 else 0 in reached
+
+
+def test_a_sweep_of_the_same_form_has_its_own_data(small):
+    """Names, dimensions and coordinates are those of the one before; nothing else is shared."""
+    def again():
+        return lapwing.sweep(PAIR, TE, values=TORQUES, settle=20, record=12, threads=1,
+                             observe=("cycles",), **RELATIVE)
+
+    first, second = again(), again()
+    assert as_bytes(first) == as_bytes(second) and first.attrs == second.attrs
+    assert first["phi"].attrs == {"long_name": small["phi"].attrs["long_name"], "units": "rad"}
+    first["phi"].values[:] = 0
+    first["phi"].attrs["units"] = "mrad"
+    first.attrs["settle"] = 7
+    first["brake_torque"].attrs["units"] = "lbf ft"
+    third = again()
+    assert as_bytes(third) == as_bytes(second)
+    assert third["phi"].attrs["units"] == "rad" and third.attrs["settle"] == 20
+    assert third["brake_torque"].attrs["units"] == "N m"
+
+
 def test_any_number_may_be_swept():
     speeds = lapwing.sweep(PAIR, TE, parameter="pinion_speed_rpm", values=[200, 240],
                            starts=("rest",), settle=5, record=5, brake_torque=3.3)

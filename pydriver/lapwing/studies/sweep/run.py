@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +22,7 @@ from lapwing.model.transmission_error import TransmissionError
 from lapwing.studies import mean_rotation
 from lapwing.studies.period import NO_PERIOD, class_name
 from lapwing.studies.stability import CycleMaps, findings, growth
+from lapwing.studies.sweep.form import dataset
 from lapwing.studies.sweep.varied import OF_PAIR, Varied, parameters
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ def sweep(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torq
     if "amplitudes" in observe:
         data = _with_amplitudes(data, result, list(oscillators), [
             _newtons(pair, parameter, float(value)) for value in values], numerics, threads)
-    return worded(data)
+    return worded(data) if {"speeds", "spectra", "amplitudes"} & set(observe) else data
 
 
 def _check(pair: GearPair, te: TransmissionError, parameter: str, values: ArrayLike,
@@ -179,8 +179,6 @@ def _lines(starts: tuple[str, ...], n: int) -> NDArray[Any]:
 def _dataset(result: SweepResult, oscillators: Varied, parameter: str,
              values: NDArray[Any], starts: tuple[str, ...], wanted: Wanted, phase: float,
              attrs: dict[str, Any]) -> xr.Dataset:
-    import xarray as xr
-
     shape = (len(starts), len(values))
     by_point = ("start", parameter)
     outcome = result.outcome.reshape(shape)
@@ -198,30 +196,14 @@ def _dataset(result: SweepResult, oscillators: Varied, parameter: str,
         data |= _stability(result, tables, data["period"][1], oscillators, by_point)
     if wanted.impacts:
         data |= _impacts(result, oscillators, shape, by_point)
-    coords = _coordinates(starts, parameter, values)
-    if wanted.speed_edges:
-        coords = coords.assign(speed_edge=("speed_edge", list(wanted.speed_edges)))
-        data |= _speeds(result, shape, by_point, attrs["record"])
     work = work_counts(np.nansum(result.outcome["work"], axis=0))
-    return worded(xr.Dataset(data, coords, {**attrs, "phase": phase}
-                             | {f"work_{name}": count for name, count in work.items()}))
-
-
-@cache
-def _start_coordinate(starts: tuple[str, ...]) -> xr.Coordinates:
-    import xarray as xr
-
-    return xr.Coordinates({"start": list(starts)})
-
-
-def _coordinates(starts: tuple[str, ...], parameter: str,
-                 values: NDArray[Any]) -> xr.Coordinates:
-    """Starts and values, their indexes made once: they are half of what a small Dataset costs."""
-    import xarray as xr
-
-    start, index = _start_coordinate(starts), xr.indexes.PandasIndex(values, parameter)
-    return xr.Coordinates({**start.variables, **index.create_variables()},
-                          {**start.xindexes, parameter: index})
+    attrs = {**attrs, "phase": phase} | {f"work_{name}": count for name, count in work.items()}
+    if wanted.speed_edges:
+        data |= _speeds(result, shape, by_point, attrs["record"])
+    made = dataset(data, starts, parameter, values, attrs)
+    if wanted.speed_edges:
+        made = made.assign_coords(speed_edge=("speed_edge", list(wanted.speed_edges)))
+    return made
 
 
 def _classes(outcome: Any) -> NDArray[Any]:
