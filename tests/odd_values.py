@@ -58,6 +58,15 @@ ROWS = ([0.0, 0.25, 0.5, 0.75], [0.0, 1e-5, 2e-5, 1e-5])
 # Where decks are run: gone with the process.
 FOLDER = Path(tempfile.mkdtemp(prefix="lapwing-odd-"))
 atexit.register(shutil.rmtree, FOLDER, ignore_errors=True)
+
+
+def studied():
+    """Folder of a map's shards."""
+    lw.parameter_map(PAIR, TE, {"brake_torque": [12.0], "backlash": [1e-3]},
+                     folder=FOLDER / "shards", **SHORT)
+    return FOLDER / "shards"
+
+
 DECK = FOLDER / "odd.nml"
 DECK.write_text("""\
 &gear_pair
@@ -156,6 +165,7 @@ CASES = {
     "parameter_map.axes": (lambda backlash: lw.parameter_map(
         PAIR, TE, {"brake_torque": [12.0], "backlash": backlash}, settle=1, record=1,
         pinion_speed_rpm=300), {"backlash": [1e-3]}),
+    "open_study": (lw.open_study, {"folder": studied()}),
     "find_orbit": (lw.find_orbit, {"osc": OSC, "start": STATE, "cycles": 1, "settle": 3}),
     "exponents": (lw.exponents, {"osc": OSC, "start": "rest", "phase": 0.0, "settle": 1,
                                  "record": 2}),

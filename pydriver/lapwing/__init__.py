@@ -31,6 +31,7 @@ _HOMES = {
     "simulate": "studies.trajectory",
     "sweep": "studies.sweep.run",
     "parameter_map": "studies.map.run",
+    "open_study": "studies.map.opened",
     "find_orbit": "studies.orbit",
     "follow": "studies.orbit",
     "period_doubling": "studies.orbit",

@@ -129,7 +129,36 @@ def test_of_more_values_than_pixels_some_are_drawn_and_the_axis_says_so(plane, f
     axis = figure.draw(plane).axes[0]
     assert axis.get_xlabel() == "pinion speed (rpm), one of 2 values drawn"
     assert axis.get_ylabel() == "braking torque (N·m), one of 3 values drawn"
-    assert {mesh.get_array().shape for mesh in axis.collections} == {(3, 3)}
+    assert {image.get_array().shape for image in axis.images} == {(3, 3, 4)}
+
+
+def test_each_cell_is_as_wide_as_it_is():
+    """Values at unequal distances: the middle of each cell has its colour, whatever its width."""
+    data = parameter_map(PAIR, TE, {"brake_torque": [0.5, 1.0, 5.0, 12.0],
+                                    "pinion_speed_rpm": [900.0, 1500.0, 1600.0]},
+                         settle=20, record=20).assign_attrs(
+        x_parameter="pinion_speed_rpm", y_parameter="brake_torque")
+    axis = parts.new_plane("")[1]
+    values = np.arange(12.0).reshape(4, 3)
+    image = parts.cells(axis, data, values, cmap="viridis")
+    drawn = axis.images[0].get_array()
+    for i, torque in enumerate(data["brake_torque"].values):
+        for j, speed in enumerate(data["pinion_speed_rpm"].values):
+            at = [int((value - low) / (high - low) * size) for value, (low, high), size in zip(
+                (torque, speed), (axis.get_ylim(), axis.get_xlim()), drawn.shape, strict=False)]
+            assert np.array_equal(drawn[*at], image.to_rgba(values[i, j], bytes=True))
+
+
+def test_of_very_many_edges_the_cells_are_coloured(plane, monkeypatch):
+    monkeypatch.setattr(parts, "MOST_EDGES", 0)
+    axis = parts.new_plane("")[1]
+    where = np.zeros(parts.known(plane).shape, dtype=bool)
+    where[1:4, 2:5] = True
+    parts.outline(axis, plane, where, style.VERMILION)
+    inside = np.zeros_like(where)
+    inside[2, 3] = True
+    assert not axis.lines
+    assert np.array_equal(axis.images[0].get_array()[..., 3] > 0, where & ~inside)
 
 
 @pytest.mark.parametrize("cells", [[(0, 0)], [(2, 3), (2, 4)], [(5, 7)], "all", "row", "column"])

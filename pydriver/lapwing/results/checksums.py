@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -38,13 +40,29 @@ def checksums(path: str | Path) -> dict[str, str]:
     import netCDF4
 
     found = {}
-    with netCDF4.Dataset(path) as file:
+    with small_cache(), netCDF4.Dataset(path) as file:
         file.set_auto_maskandscale(False)
         for group in (file, *file.groups.values()):
             for name, variable in group.variables.items():
                 found[f"{group.path.rstrip('/')}/{name}"] = _of_array(variable[...])
             found[group.path] = _of_attributes(group)
     return found
+
+
+@contextmanager
+def small_cache() -> Iterator[None]:
+    """Files opened meanwhile keep no more than 1 MB of a variable: what is read or written once.
+
+    Else the library keeps up to 64 MB of each of them until the file is closed.
+    """
+    import netCDF4
+
+    before = netCDF4.get_chunk_cache()
+    netCDF4.set_chunk_cache(2**20)
+    try:
+        yield
+    finally:
+        netCDF4.set_chunk_cache(*before)
 
 
 def store_checksums(path: str | Path) -> dict[str, str]:
@@ -98,12 +116,12 @@ def verify_file(path: str | Path) -> bool:
 
 def _of_array(values: np.ndarray) -> str:
     values = np.ma.getdata(values)
+    whole = hashlib.sha256(f"{values.dtype.kind} {values.shape}\0".encode())
     if values.dtype.kind in "OU":
-        content = json.dumps(np.asarray(values, dtype=object).tolist()).encode()
+        whole.update(json.dumps(np.asarray(values, dtype=object).tolist()).encode())
     else:
-        content = np.ascontiguousarray(values).tobytes()
-    head = f"{values.dtype.kind} {values.shape}\0".encode()
-    return hashlib.sha256(head + content).hexdigest()
+        whole.update(np.ascontiguousarray(values).reshape(-1).data)
+    return whole.hexdigest()
 
 
 def _of_attributes(group: Any) -> str:

@@ -20,7 +20,7 @@ from lapwing.base.messages import facts_html
 from lapwing.base.registry import STUDIES, give_accessor
 from lapwing.base.signals import held
 from lapwing.model.oscillator import TE_SIGNS
-from lapwing.results.checksums import DamagedFile, store_checksums, verify_file
+from lapwing.results.checksums import DamagedFile, small_cache, store_checksums, verify_file
 from lapwing.results.provenance import engine_digest, provenance
 from lapwing.results.schema import SCHEMA_VERSION, as_of_today, with_plain_text
 from lapwing.results.store import Manifest, flush, os_errors
@@ -89,7 +89,7 @@ def write_results(path: Path, *, deck_name: str, deck_text: str, used_text: str,
             dataset = dataset.assign_attrs(name=name, order=order)
             groups[f"{kind}_{name}"] = _claimed(dataset, claims) if kind == "sweep" else dataset
     aside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    with held(), os_errors(path.parent):
+    with held(), small_cache(), os_errors(path.parent):
         try:
             _write_groups(aside, groups)
             stored = store_checksums(aside)
@@ -273,7 +273,9 @@ class Results:
 
         if group not in self._open:
             give_accessor()
-            opened = xr.open_dataset(self.path, group=group, engine="netcdf4", decode_times=False)
+            with small_cache():
+                opened = xr.open_dataset(self.path, group=group, engine="netcdf4",
+                                         decode_times=False)
             self._open[group] = as_of_today(opened, int(self.attrs.get("schema_version", 0)))
         return self._open[group]
 

@@ -60,11 +60,12 @@ def with_plain_text(dataset: xr.Dataset) -> xr.Dataset:
     are read back as text.
     """
     dataset = dataset.copy(deep=False)
-    dataset.attrs = {key: _plain(value) for key, value in dataset.attrs.items()}
+    dataset.attrs = {key: plain_text(value) for key, value in dataset.attrs.items()}
     for variable in dataset.variables.values():
-        variable.attrs = {key: _plain(value) for key, value in variable.attrs.items()}
+        variable.attrs = {key: plain_text(value) for key, value in variable.attrs.items()}
     return dataset
 
 
-def _plain(value: Any) -> Any:
+def plain_text(value: Any) -> Any:
+    """An attribute as `with_plain_text` has it."""
     return value.encode() if isinstance(value, str) and not value.isascii() else value

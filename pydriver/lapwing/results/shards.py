@@ -9,24 +9,33 @@ make the same one at worst repeat work.
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import re
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lapwing.base.quantities import DESCRIPTIONS
 from lapwing.base.signals import held
 from lapwing.results.checksums import DamagedFile, store_checksums, verify_file
 from lapwing.results.file import engine_digest, provenance
+from lapwing.results.schema import plain_text
 from lapwing.results.store import flush, os_errors
 
+if TYPE_CHECKING:
+    import netCDF4
+
 SHARD = re.compile(r"shard-(\d{5,})\.nc$")
-ASIDE = re.compile(r"\.shard-\d{5,}\.nc\.\d+\.\d+\.tmp$")
-SHARD_FORMAT = 1
+ASIDE = re.compile(r"\.(shard-\d{5,}|study)\.nc\.\d+\.\d+\.tmp$")
+STUDY = "study.nc"
+SHARD_FORMAT = 2
+# Runs beyond which compression saves more than the index of compressed pieces takes.
+COMPRESS_ABOVE = 2048
 # The netCDF library is not made for several threads at a time.
 _ONE = threading.Lock()
 
@@ -53,22 +62,100 @@ def write_shard(folder: Path, index: int, data: Mapping[str, NDArray[Any]],
     OSError
         where it cannot be written; nothing is left behind.
     """
-    import xarray as xr
+    def fill(file: netCDF4.Dataset) -> None:
+        for name, values in data.items():
+            if "run" not in file.dimensions:
+                file.createDimension("run", len(values))
+            packed = {"zlib": True, "complevel": 1, "shuffle": True} \
+                if len(values) > COMPRESS_ABOVE else {"contiguous": True}
+            _put(file, name, "run", values, **packed)
+
+    _publish(folder, shard_path(folder, index).name, {"index": index, **told}, fill)
+
+
+def write_study(folder: Path, axes: Mapping[str, NDArray[Any]], told: Mapping[str, Any]) -> None:
+    """Publish what the shards of a folder are parts of, unless that lies there already.
+
+    Parameters
+    ----------
+    folder : Path, made where missing
+    axes : parameter -> values
+    told : attributes, `inputs` among them
+
+    Raises
+    ------
+    OSError
+        where it cannot be written; nothing is left behind.
+    """
+    def fill(file: netCDF4.Dataset) -> None:
+        for name, values in axes.items():
+            file.createDimension(name, len(values))
+            _put(file, name, name, values, contiguous=True)
+
+    with contextlib.suppress(OSError, ValueError):
+        there = read_study(folder)[1]
+        if all(there.get(key) == told[key] for key in told) \
+                and there["engine_sha256"] == engine_digest():
+            return
+    _publish(folder, STUDY, told, fill)
+
+
+def read_study(folder: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """What `write_study` wrote: values by axis, attributes.
+
+    Raises
+    ------
+    OSError
+        where there is no such file.
+    DamagedFile
+        (a ValueError) where it is damaged.
+    """
+    import netCDF4
+
+    path = folder / STUDY
+    if not path.exists():
+        raise FileNotFoundError(errno.ENOENT, f"no study here ({STUDY} is missing), expected a "
+                                              "folder of shards", str(folder))
+    try:
+        with _ONE:
+            if not verify_file(path):
+                raise DamagedFile(f"{path} carries no checksums")
+            with netCDF4.Dataset(path) as file:
+                file.set_auto_maskandscale(False)
+                return ({name: np.array(one[...]) for name, one in file.variables.items()},
+                        {name: file.getncattr(name) for name in file.ncattrs()})
+    except DamagedFile:
+        raise
+    except (OSError, RuntimeError, ValueError) as error:
+        raise DamagedFile(f"{path} cannot be read ({error})") from None
+
+
+def _put(file: netCDF4.Dataset, name: str, dimension: str, values: NDArray[Any],
+         **storage: Any) -> None:
+    """Write a variable and its words."""
+    units, words = DESCRIPTIONS.get(name, (None, name.replace("_", " ")))
+    variable = file.createVariable(name, values.dtype, (dimension,), fill_value=False, **storage)
+    variable.setncatts({"long_name": words} | ({"units": units} if units else {}))
+    variable[:] = values
+
+
+def _publish(folder: Path, name: str, told: Mapping[str, Any],
+             fill: Callable[[netCDF4.Dataset], None]) -> None:
+    """Write a file aside, flush it, and let it take its place."""
+    import netCDF4
 
     folder.mkdir(parents=True, exist_ok=True)
-    path = shard_path(folder, index)
-    aside = folder / f".{path.name}.{os.getpid()}.{threading.get_ident()}.tmp"
-    dataset = xr.Dataset({name: ("run", values) for name, values in data.items()}, attrs={
-        "title": "Part of a study of Lapwing", **provenance(), "shard_format": SHARD_FORMAT,
-        "index": index, **told})
-    encoding = {name: {"zlib": True, "complevel": 1, "shuffle": True, "fletcher32": True}
-                for name in data}
+    aside = folder / f".{name}.{os.getpid()}.{threading.get_ident()}.tmp"
+    attributes = {"Conventions": "CF-1.11", "title": "Part of a study of Lapwing", **provenance(),
+                  "shard_format": SHARD_FORMAT, **told}
     with _ONE, held(), os_errors(folder):
         try:
-            dataset.to_netcdf(aside, engine="netcdf4", format="NETCDF4", encoding=encoding)
+            with netCDF4.Dataset(aside, "w") as file:
+                file.setncatts({key: plain_text(value) for key, value in attributes.items()})
+                fill(file)
             store_checksums(aside)
             flush(aside)
-            os.replace(aside, path)
+            os.replace(aside, folder / name)
             flush(folder)
         finally:
             aside.unlink(missing_ok=True)
@@ -81,8 +168,8 @@ class Shard(NamedTuple):
     cpu: str
 
 
-def read_shard(folder: Path, index: int,
-               told: Mapping[str, Any]) -> tuple[Shard | None, str]:
+def read_shard(folder: Path, index: int, told: Mapping[str, Any],
+               engine: str | None = None) -> tuple[Shard | None, str]:
     """A shard, or None and why it is not taken: empty text, there is none.
 
     Parameters
@@ -90,6 +177,7 @@ def read_shard(folder: Path, index: int,
     folder : Path
     index : int
     told : attributes that it must have, as given to `write_shard`
+    engine : SHA-256 (hex) of the engine that it must be from; default: the one of this build
     """
     import netCDF4
 
@@ -97,7 +185,7 @@ def read_shard(folder: Path, index: int,
     if not os.path.lexists(path):
         return None, ""
     expected = {**told, "index": index, "shard_format": SHARD_FORMAT,
-                "engine_sha256": engine_digest()}
+                "engine_sha256": engine or engine_digest()}
     with _ONE:
         try:
             if not verify_file(path):
@@ -140,6 +228,6 @@ def discard_shards(folder: Path) -> None:
     """Remove the shards of a folder, what dead processes left of them, and the empty folder."""
     with contextlib.suppress(OSError):
         for path in folder.iterdir():
-            if SHARD.match(path.name) or ASIDE.match(path.name):
+            if SHARD.match(path.name) or ASIDE.match(path.name) or path.name == STUDY:
                 path.unlink(missing_ok=True)
         folder.rmdir()

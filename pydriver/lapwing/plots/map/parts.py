@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 MISSING, NONE = "white", "0.93"
 # Values of an axis that are drawn, more than a panel has pixels.
 MOST_VALUES = 2000
+# Lines of an image whose cells are of different widths, and most edges that are drawn one by one.
+PIXELS, MOST_EDGES = 2000, 20_000
 
 
 def axes_of(data: xr.Dataset) -> tuple[str, str]:
@@ -35,9 +37,10 @@ def thinned(data: xr.Dataset) -> xr.Dataset:
 
 
 def plane(data: xr.Dataset, name: str) -> NDArray[Any]:
-    """A variable as array (y, x)."""
+    """A variable as array (y, x); real numbers as precise as a picture needs."""
     x, y = axes_of(data)
-    return data[name].transpose(y, x).values
+    values = data[name].transpose(y, x).values
+    return values.astype(np.float32) if values.dtype.kind == "f" else values
 
 
 def known(data: xr.Dataset) -> NDArray[np.bool_]:
@@ -56,11 +59,29 @@ def new_plane(title: str) -> tuple[Figure, Axes]:
 
 
 def cells(axis: Axes, data: xr.Dataset, values: NDArray[Any], **look: Any) -> Any:
-    """Draw values (y, x) as cells, and label the axes; returns what a colour bar needs."""
+    """Draw values (y, x) as an image of cells, and label the axes; returns what a colour bar needs.
+
+    Of a million values a mesh of polygons would take ten times the memory, an image coloured pixel
+    by pixel, not cell by cell, three times.
+
+    Parameters
+    ----------
+    axis, data : the panel, and the map
+    values : array (y, x), NaN or masked: nothing is drawn
+    **look : cmap, norm, vmin, vmax, as for `matplotlib.cm.ScalarMappable`
+    """
+    from matplotlib.cm import ScalarMappable
+
     x, y = axes_of(data)
     edges = {name: _edges(data[name].values) for name in (x, y)}
-    drawn = axis.pcolormesh(edges[x], edges[y], values, rasterized=True, linewidth=0,
-                            antialiased=False, **look)
+    rows, columns = (_image_lines(data[name].values) for name in (y, x))
+    drawn = ScalarMappable(look.pop("norm", None), look.pop("cmap"))
+    drawn.set_array(np.ma.masked_invalid(values))
+    drawn.set_clim(**look)
+    drawn.autoscale_None()
+    axis.imshow(drawn.to_rgba(drawn.get_array()[rows][:, columns], bytes=True), origin="lower",
+                extent=(0, 1, 0, 1), transform=axis.transAxes, interpolation="nearest",
+                aspect="auto")
     for name, one, scale in ((x, axis.xaxis, axis.set_xscale), (y, axis.yaxis, axis.set_yscale)):
         if _is_log(data[name].values):
             scale("log")
@@ -71,6 +92,19 @@ def cells(axis: Axes, data: xr.Dataset, values: NDArray[Any], **look: Any) -> An
     axis.set_xlim(edges[x][0], edges[x][-1])
     axis.set_ylim(edges[y][0], edges[y][-1])
     return drawn
+
+
+def _image_lines(values: NDArray[Any]) -> Any:
+    """Which value each line of an image of the cells shows, the lines at equal distances."""
+    edges = _edges(values)
+    if _is_log(values):
+        edges = np.log(edges)
+    widths = np.diff(edges)
+    if np.ptp(widths) * values.size < widths.mean() / 4:
+        return slice(None)
+    # The middle of each line of pixels decides.
+    middles = edges[0] + (edges[-1] - edges[0]) * (np.arange(PIXELS) + 0.5) / PIXELS
+    return np.clip(np.searchsorted(edges, middles, side="right") - 1, 0, values.size - 1)
 
 
 def _is_log(values: NDArray[Any]) -> bool:
@@ -98,14 +132,25 @@ def none_cells(axis: Axes, data: xr.Dataset, none: NDArray[np.bool_]) -> list[An
 
 
 def outline(axis: Axes, data: xr.Dataset, where: NDArray[np.bool_], colour: Any) -> None:
-    """Draw the edges of cells (y, x) between those where something holds and all others."""
+    """Draw the edges of cells (y, x) between those where something holds and all others.
+
+    Where these are very many, the cells within them instead, which then are hardly more than dots.
+    """
     x, y = (_edges(data[name].values) for name in axes_of(data))
     ringed = np.pad(where, 1)
+    border = ringed[1:-1, 1:-1] & ~(ringed[2:, 1:-1] & ringed[:-2, 1:-1]
+                                    & ringed[1:-1, 2:] & ringed[1:-1, :-2])
+    if np.count_nonzero(border) > MOST_EDGES:
+        from matplotlib.colors import ListedColormap
+
+        cells(axis, data, np.ma.masked_array(np.zeros(where.shape, np.int8), ~border),
+              cmap=ListedColormap([colour]))
+        return
     j, i = np.nonzero(ringed[1:-1, 1:] != ringed[1:-1, :-1])
     upright = np.stack([[x[i], y[j]], [x[i], y[j + 1]]])
     j, i = np.nonzero(ringed[1:, 1:-1] != ringed[:-1, 1:-1])
     level = np.stack([[x[i], y[j]], [x[i + 1], y[j]]])
-    # One line with gaps: of a large plane these may be millions, too many for objects of their own.
+    # One line with gaps: they may be too many for objects of their own.
     edges = np.full((3, 2, upright.shape[2] + level.shape[2]), np.nan)
     edges[:2] = np.concatenate([upright, level], axis=2)
     axis.plot(*edges.transpose(1, 2, 0).reshape(2, -1), color=colour, linewidth=1.2,

@@ -14,7 +14,6 @@ import numpy as np
 
 from lapwing.base import arguments, estimates
 from lapwing.base.arguments import MAX_INT, Refusals
-from lapwing.base.arrivals import arrivals_of
 from lapwing.base.codes import Status
 from lapwing.base.quantities import worded
 from lapwing.base.threads import checked_threads, usable_threads
@@ -24,7 +23,15 @@ from lapwing.model.transmission_error import TransmissionError
 from lapwing.results.provenance import processor
 from lapwing.results.shards import Shard, read_shard, write_shard
 from lapwing.studies.map.grid import Grid, fastest_axis
-from lapwing.studies.map.shards import KEPT, Job, carried_out, make_shard, shard_size
+from lapwing.studies.map.shards import (
+    KEPT,
+    RATES,
+    Job,
+    carried_out,
+    make_shard,
+    rate_of,
+    shard_size,
+)
 from lapwing.studies.sweep.varied import parameters
 
 if TYPE_CHECKING:
@@ -65,7 +72,7 @@ def parameter_map(pair: GearPair, te: TransmissionError, axes: Mapping[str, Any]
         default: some 20 s of work, and at least 64 shards. No number depends on it
     folder : path or None, where shards are kept while there is work. A map that was stopped goes on
         there: shards of the same values and the same build are read, others made again. They stay
-        (`lapwing.results.shards.discard_shards`)
+        (`lapwing.results.shards.discard_shards`), and `open_study` opens them
     executor : concurrent.futures.Executor or None, which carries out the shards, in other processes
         or on other machines that see `folder`, which is needed then; default: threads
     threads : int or None; default `threads.default_threads`
@@ -214,6 +221,8 @@ class _Work:
 
     def carry_out(self, executor: Executor | None, threads: int) -> None:
         """Read what lies there, make the rest."""
+        if self.folder is not None:
+            self.job.write_study(self.folder)
         left = [index for index in self._indices if not self._read(index)]
         self._tell()
         if not left:
@@ -309,19 +318,12 @@ def _dataset(job: Job, found: _Found, interrupted: bool) -> xr.Dataset:
     bad = data["status"] != Status.OK
     for name in REALS:
         data[name][bad] = np.nan
-    cycles = np.where(data["period"] > 0, data["period"], job.record)
-    law = arrivals_of(grid.operation.get("contact_law", "restitution"))
-    for name in ("arrivals", "back_arrivals"):
-        data[name.replace("arrivals", "impacts_per_cycle")] = np.where(
-            bad, np.nan, data[name] / cycles)
+    for name in RATES:
+        data[name] = rate_of(name, data.__getitem__, job.record)
     variables = {name: (grid.order, values) for name, values in data.items()}
     return worded(xr.Dataset(variables, dict(grid.axes), {
-        "contact_law": grid.operation.get("contact_law", "restitution"), "arrival": law.word,
-        "start": job.start, "line": grid.line, "settle": job.settle, "record": job.record,
-        "phase": job.phase, "rtol": job.numerics.rtol, "count_depth": job.numerics.count_depth,
-        "method": job.numerics.method, "shards": job.shards, "shard_runs": job.shard_runs,
-        "interrupted": int(interrupted), "cpus": "; ".join(sorted(found.cpus)),
-    })).transpose(*grid.axes)
+        **job.about, "shards": job.shards, "interrupted": int(interrupted),
+        "cpus": "; ".join(sorted(found.cpus))})).transpose(*grid.axes)
 
 
 __all__ = ["parameter_map"]

@@ -20,20 +20,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lapwing import engine
+from lapwing.base.arrivals import arrivals_of
 from lapwing.base.codes import Status
 from lapwing.engine import Numerics, Wanted
-from lapwing.results.shards import read_shard, write_shard
+from lapwing.results.shards import read_shard, write_shard, write_study
 from lapwing.studies.map.grid import Grid
 
 # Mesh cycles of a shard unless the caller says how many runs: some 20 s of one core. A smaller map
 # is cut into so many shards all the same, for as many threads to have work.
-CYCLES, FEWEST = 10_000_000, 64
+CYCLES, FEWEST = 4_000_000, 64
 # Runs handed to the engine at once, in whole lines: it takes some 10 kB for each line.
-AT_A_TIME = 4096
+AT_A_TIME = 1024
 # Variables of a shard, as they are kept.
 KEPT = {"status": np.int8, "period": np.int16, "arrivals": np.int32, "back_arrivals": np.int32,
         "chatter": np.int8, "states_visited": np.int8, "deepest_separation": float,
         "deepest_back_penetration": float, "fastest_arrival": float}
+# ... and what follows from them.
+RATES = {"impacts_per_cycle": "arrivals", "back_impacts_per_cycle": "back_arrivals"}
 
 
 class Dropped(Exception):
@@ -77,6 +80,23 @@ class Job:
         first, stop = self.place(index)
         return {"inputs": self.identity, "first": first, "stop": stop}
 
+    @property
+    def about(self) -> dict[str, Any]:
+        """What a map says of how it was made: attributes of its Dataset."""
+        grid = self.grid
+        law = grid.operation.get("contact_law", "restitution")
+        return {"contact_law": law, "arrival": arrivals_of(law).word, "start": self.start,
+                "line": grid.line, "settle": self.settle, "record": self.record,
+                "phase": self.phase, "rtol": self.numerics.rtol,
+                "count_depth": self.numerics.count_depth, "method": self.numerics.method,
+                "shard_runs": self.shard_runs}
+
+    def write_study(self, folder: Path) -> None:
+        """Say in a folder what its shards are parts of."""
+        write_study(folder, self.grid.axes, {
+            "kind": "map", "inputs": self.identity, "order": " ".join(self.grid.order),
+            **self.about})
+
     @cached_property
     def identity(self) -> str:
         """SHA-256 of every value that the numbers of the map, and its cut, follow from."""
@@ -90,6 +110,21 @@ class Job:
             whole.update(f"{array.dtype} {array.shape}\0".encode())
             whole.update(np.ascontiguousarray(array).tobytes())
         return whole.hexdigest()
+
+
+def rate_of(name: str, numbers: Callable[[str], NDArray[Any]], record: int) -> NDArray[Any]:
+    """Arrivals per mesh cycle, a variable of `RATES`; NaN where a run has no result.
+
+    Parameters
+    ----------
+    name : str, of `RATES`
+    numbers : callable(variable of `KEPT`) -> array
+    record : int, mesh cycles recorded
+    """
+    period = numbers("period")
+    rate = numbers(RATES[name]) / np.where(period > 0, period, record)
+    rate[numbers("status") != Status.OK] = np.nan
+    return rate
 
 
 def shard_size(runs: int, cycles: int, length: int, wanted: int | None) -> int:

@@ -1,0 +1,173 @@
+"""The shards of a map as one Dataset that reads them when it is asked for numbers."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections import OrderedDict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lapwing.base import arguments
+from lapwing.base.codes import Status
+from lapwing.base.quantities import worded
+from lapwing.results.checksums import DamagedFile
+from lapwing.results.shards import Shard, read_shard, read_study, shard_path, shards_in
+from lapwing.studies.map.shards import KEPT, RATES, rate_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+# Shards whose numbers stay in memory, and runs that are looked up at once.
+HELD, AT_ONCE = 8, 2**20
+
+
+def open_study(folder: str | os.PathLike[str]) -> xr.Dataset:
+    """Open the shards of a map, finished or not, as one Dataset that is read when it is used.
+
+    Nothing is put together and no file stays open: a million runs or a thousand million are opened
+    in the same time. What is asked for is read from the shards it lies in, each checked by its
+    content first; `load()` reads all, `chunk()` hands it to Dask.
+
+    Parameters
+    ----------
+    folder : str or path, `results/<deck>.shards/map_<name>`, or the `folder` of `parameter_map`
+
+    Returns
+    -------
+    xarray.Dataset
+        as of `parameter_map`; runs of shards that are not there have status UNFINISHED. Attribute
+        `missing_shards` is how many were not there when it was opened
+
+    Raises
+    ------
+    TypeError
+        where `folder` is no path.
+    OSError
+        where it holds no study.
+    lapwing.results.DamagedFile
+        (a ValueError) where a file is damaged or of something else, of a shard when it is read:
+        the command that made it makes it again.
+    """
+    import xarray as xr
+
+    place = Path(arguments.path("folder", folder))
+    axes, attrs = read_study(place)
+    if attrs.get("kind") != "map":
+        raise DamagedFile(f"{place} holds no shards of a map")
+    shape = tuple(map(len, axes.values()))
+    store = _Store(place, attrs, axes)
+    variables = {name: xr.Variable(tuple(axes), _lazy(_Numbers(store, name, shape)))
+                 for name in (*KEPT, *RATES)}
+    missing = store.shards - len([i for i in shards_in(place) if i < store.shards])
+    said = {name: value for name, value in attrs.items() if name not in _OF_THE_FILE}
+    return worded(xr.Dataset(variables, dict(axes), {
+        **said, "shards": store.shards, "missing_shards": missing,
+        "interrupted": int(missing > 0)}))
+
+
+_OF_THE_FILE = ("Conventions", "title", "shard_format", "checksums", "order", "kind", "inputs")
+
+
+class _Store:
+    """Numbers by run, from whatever shards they lie in."""
+
+    def __init__(self, folder: Path, attrs: dict[str, Any], axes: dict[str, NDArray[Any]]) -> None:
+        self.folder, self._size = folder, int(attrs["shard_runs"])
+        self._inputs, self._engine = attrs["inputs"], attrs["engine_sha256"]
+        self.record, self._runs = int(attrs["record"]), math.prod(map(len, axes.values()))
+        self.shards = -(-self._runs // self._size)
+        self._held: OrderedDict[int, Shard] = OrderedDict()
+        # How far apart neighbours along each axis are, in runs.
+        steps, step = {}, 1
+        for name in reversed(str(attrs["order"]).split()):
+            steps[name] = step
+            step *= len(axes[name])
+        self.steps = tuple(steps[name] for name in axes)
+
+    def numbers(self, name: str, runs: NDArray[np.int64]) -> NDArray[Any]:
+        """A variable of some runs, an array of their shape."""
+        if name in RATES:
+            return rate_of(name, lambda one: self.numbers(one, runs), self.record)
+        found = np.full(runs.shape, np.nan if KEPT[name] is float else 0, dtype=KEPT[name])
+        if name == "status":
+            found[...] = Status.UNFINISHED
+        of_shard = runs // self._size
+        for index in np.unique(of_shard):
+            shard = self._shard(int(index))
+            if shard is not None:
+                here = of_shard == index
+                found[here] = shard.data[name][runs[here] - index * self._size]
+        return found
+
+    def _shard(self, index: int) -> Shard | None:
+        if index in self._held:
+            self._held.move_to_end(index)
+            return self._held[index]
+        first = index * self._size
+        shard, why = read_shard(
+            self.folder, index, {"inputs": self._inputs, "first": first,
+                                 "stop": min(first + self._size, self._runs)}, self._engine)
+        if why:
+            raise DamagedFile(f"{shard_path(self.folder, index)} {why}")
+        if shard is not None:
+            self._held[index] = shard
+            if len(self._held) > HELD:
+                self._held.popitem(last=False)
+        return shard
+
+
+class _Numbers:
+    """A variable of a map that is read when it is indexed."""
+
+    def __init__(self, store: _Store, name: str, shape: tuple[int, ...]) -> None:
+        self._store, self._name, self.shape = store, name, shape
+        self.dtype = np.dtype(KEPT.get(name, float))
+
+    def read(self, key: tuple[Any, ...]) -> NDArray[Any]:
+        """The part at integers, slices and arrays, one for each axis."""
+        at = [np.atleast_1d(np.arange(size)[one])
+              for one, size in zip(key, self.shape, strict=True)]
+        found = np.empty(tuple(map(len, at)), dtype=self.dtype)
+        rest = max(1, math.prod(found.shape[1:]))
+        block = max(1, AT_ONCE // rest)
+        offsets = np.zeros((1,) * len(at), dtype=np.int64)
+        for axis, (places, step) in enumerate(zip(at, self._store.steps, strict=True)):
+            if axis:
+                offsets = offsets + step * places.reshape([-1 if i == axis else 1
+                                                           for i in range(len(at))])
+        for begin in range(0, len(at[0]), block):
+            first = at[0][begin:begin + block].reshape([-1] + [1] * (len(at) - 1))
+            found[begin:begin + block] = self._store.numbers(
+                self._name, first * self._store.steps[0] + offsets)
+        return found[tuple(0 if np.ndim(one) == 0 and not isinstance(one, slice) else slice(None)
+                           for one in key)]
+
+
+def _lazy(numbers: _Numbers) -> Any:
+    """The same as xarray wants it, which is loaded here."""
+    from xarray.backends import BackendArray
+    from xarray.core import indexing
+
+    class Lazy(BackendArray):
+        shape, dtype = numbers.shape, numbers.dtype
+
+        def __getitem__(self, key: Any) -> Any:
+            return indexing.explicit_indexing_adapter(
+                key, self.shape, indexing.IndexingSupport.OUTER, numbers.read)
+
+        def __reduce__(self) -> tuple[Any, ...]:
+            return _backend, (numbers,)
+
+    return indexing.LazilyIndexedArray(Lazy())
+
+
+def _backend(numbers: _Numbers) -> Any:
+    """What a lazy array holds, from its pickle."""
+    return _lazy(numbers).array
+
+
+__all__ = ["open_study"]
