@@ -129,7 +129,7 @@ import resource
 from dataclasses import replace
 import lapwing
 from lapwing import engine
-from lapwing.engine import calls
+from lapwing.engine import calls, sweeps
 from lapwing._engine import api
 osc = {osc}
 
@@ -137,7 +137,7 @@ class Tight:
     @staticmethod
     def sweep(*arguments):
         lines, outcome = arguments[3], arguments[-1]
-        lines[4, 0], outcome[0, 0] = calls.LINE_DONE, lapwing.Status.OK
+        lines[4, 0], outcome[0, 0] = sweeps.LINE_DONE, lapwing.Status.OK
         used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (used + (4 << 20), resource.RLIM_INFINITY))
         return api.sweep(*arguments)

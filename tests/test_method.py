@@ -147,8 +147,9 @@ def test_points_that_share_an_oscillator_are_as_points_of_their_own(scene):
         numerics=Numerics(method="exact"), wanted=Wanted(cycles=True, strobe=True, impacts=True),
         settle=10, record=8, log_room=500, threads=1) for points in (shared, own)]
     n = len(shared)
-    for name in ("outcome", "cycles", "events"):
-        both = [np.asarray(getattr(result, name))[:n] for result in results]
+    for name in ("outcome", "cycles", "kept", "logs"):
+        both = [np.concatenate(result.logs()[:n]) if name == "logs" else getattr(result, name)[:n]
+                for result in results]
         assert both[0].tobytes() == both[1].tobytes(), name
     assert not np.array_equal(results[1].cycles[n], results[1].cycles[0])
 
@@ -183,7 +184,7 @@ def test_chatter_tol_left_out_is_what_the_deck_says(method, rtol, default):
     assert "1e-13 in closed form, min(rtol, 1e-10) with rk4" in said
     osc = scene_a(5.5, "relative")
     left_out, written, other = (
-        calls._real_parameters(calls.Points.of([osc]), Numerics(method=method, rtol=rtol, **chosen),
+        calls.real_parameters(calls.Points.of([osc]), Numerics(method=method, rtol=rtol, **chosen),
                                method, Wanted()).ravel().tolist()
         for chosen in ({}, {"chatter_tol": default}, {"chatter_tol": 3e-5}))
     assert left_out == written != other

@@ -67,7 +67,7 @@ def run(oscillators, setting, cycles, *, room=AMPLE_ROOM):
 def outcomes(result, oscillators):
     """One `Outcome` for each oscillator of a sweep."""
     found = []
-    for osc, log, end in zip(oscillators, result.events, result.outcome, strict=True):
+    for osc, log, end in zip(oscillators, result.logs(), result.outcome, strict=True):
         rows = log[:int(end["logged"])]
         rows = rows[rows["kind"] != EventKind.KINK]
         status = Status(int(end["status"]))

@@ -26,14 +26,14 @@ def test_extremes_are_those_of_the_cycles(scene, law, method):
         "contact_law": law, "impact_law": "relative"}
     oscillators = [scene(torque, **options) for torque in np.linspace(0.3, 13, 12)]
     found = swept(oscillators, keep_cycles=True, impacts=True, method=method)
-    for row, cycles, log in zip(found.outcome, found.cycles, found.events, strict=True):
+    for row, cycles, log in zip(found.outcome, found.cycles, found.logs(), strict=True):
         assert row["deepest_separation"] == cycles["deepest_separation"].max()
         assert row["deepest_back_penetration"] == cycles["deepest_back_penetration"].max()
         visited = np.bitwise_or.reduce(cycles["states_visited"].astype(int))
         assert row["states_visited"] == visited
         if law == "restitution":
             hits = log[np.isin(log["kind"], [EventKind.IMPACT, EventKind.BACK_IMPACT])]
-            assert len(hits) < len(log)
+            assert len(hits) == len(log)
             assert row["fastest_arrival"] == np.abs(hits["velocity_before"]).max(initial=0)
         else:
             arrives = cycles["engages"].sum() + cycles["back_engages"].sum() > 0

@@ -1,6 +1,6 @@
 """Memory and disk that a study takes at least, and what there is: what cannot fit is refused.
 
-The bounds count the engine's tables alone, every element of which is written: no study takes less.
+The bounds count the engine's tables alone: no study asks for less.
 What is made from them (statistics, figures) comes on top; tests hold the whole to 4 times as much.
 """
 
@@ -15,6 +15,8 @@ from typing import Any
 # Columns of the engine's tables (loading it takes longer than `check` itself), bytes of a number.
 CYCLE, TANGENT, LOG, SAMPLE, REAL = 17, 13, 7, 3, 8
 LOG_ROOM = 2000
+# A sweep's log is one buffer for a block of points.
+LOG_BYTES = 1 << 25
 # In the result file, per sample and per cycle: numbers of 8 bytes, and whole ones of 4 and 1.
 STORED_SAMPLE, STORED_CYCLE = 6 * 8 + 4 + 1, 4 * 8 + 12 * 4
 # A run of a map: status, period, arrivals at both flanks, chatter, states; five real numbers.
@@ -28,9 +30,18 @@ LITTLE = 2**24
 
 def sweep_bytes(points: int, record: int, cycles: bool = True, impacts: bool = False,
                 exponents: bool = False, max_impacts: int = LOG_ROOM) -> int:
-    """Bytes of the tables of a sweep of `points` (values times starts), `record` cycles each."""
+    """Bytes of the tables of a sweep of `points` (values times starts), `record` cycles each.
+
+    The list of impacts comes on top; how long it gets is known by the run alone.
+    """
     row = CYCLE * cycles + TANGENT * exponents
-    return REAL * points * (record * row + LOG * max_impacts * impacts)
+    logged = min(points, log_points(max_impacts)) * LOG * max_impacts * impacts
+    return REAL * (points * record * row + logged)
+
+
+def log_points(room: int) -> int:
+    """Points for which a block's log has so much room each."""
+    return max(1, LOG_BYTES // (REAL * LOG * room))
 
 
 def response_bytes(record: int, samples_per_cycle: int, exponents: bool = False) -> int:

@@ -5,12 +5,10 @@ from lapwing.engine.calls import (
     GO_ON,
     MOST_LOOKED_FOR,
     REST,
-    SweepResult,
     TrajectoryCall,
     find_period,
     flank_motion,
     position,
-    sweep,
     thinned,
 )
 from lapwing.engine.methods import common_method, method_of, steps
@@ -26,6 +24,7 @@ from lapwing.engine.records import (
     unknown,
     work_counts,
 )
+from lapwing.engine.sweeps import SweepResult, sweep
 
 __all__ = ["CALL_SECONDS", "GO_ON", "METHODS", "MOST_LOOKED_FOR", "OUTCOME_TABLE", "REST",
            "Numerics", "Points", "SweepResult", "TrajectoryCall", "Wanted", "chosen",

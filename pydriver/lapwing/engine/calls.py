@@ -7,24 +7,20 @@ run between two calls is one array (`blob`), and where a run is cut changes no b
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lapwing._engine import api
+from lapwing._engine import api as api
 from lapwing.base.codes import ContactLaw, Gap, ImpactLaw, Method, Status
-from lapwing.base.threads import usable_threads
 from lapwing.engine.flanks import flank_argument
-from lapwing.engine.methods import common_method, method_of
+from lapwing.engine.methods import method_of
 from lapwing.engine.points import Points
 from lapwing.engine.records import (
     CYCLE_TABLE,
     EVENT_TABLE,
-    OUTCOME_TABLE,
     SAMPLE_TABLE,
     named,
     tangent_table,
@@ -41,7 +37,6 @@ CALL_SECONDS = 0.4
 # Lines of the log and of the table of cycles that one call has room for. Most runs are short.
 FIRST_LOG_ROOM, LOG_ROOM, CYCLE_ROOM = 1 << 10, 1 << 16, 1 << 12
 MOST_CHECKPOINTS = 64
-LINE_DONE = 4  # fortran/run/sweep.f90, stage_done
 
 (BLOB_SIZE, WORK_SIZE, LOG_COLUMNS, CYCLE_COLUMNS, SAMPLE_COLUMNS, N_REALS, N_CHOICES,
  TANGENT_COLUMNS, OUTCOME_COLUMNS, MOST_LOOKED_FOR) = (int(n) for n in api.sizes())
@@ -55,7 +50,7 @@ EXACT_CHATTER_TOL = 1e-13
 MOST_KEPT = 16
 
 
-def _real_parameters(points: Any, numerics: Numerics, method: str, wanted: Wanted) -> NDArray[Any]:
+def real_parameters(points: Any, numerics: Numerics, method: str, wanted: Wanted) -> NDArray[Any]:
     """Real parameters of each point, (n_reals, n), in the order of api/marshal.f90."""
     osc, n = points.shared, len(points)
     chatter_tol = numerics.chatter_tol
@@ -73,8 +68,9 @@ def _real_parameters(points: Any, numerics: Numerics, method: str, wanted: Wante
     return reals
 
 
-def _choices(osc: Oscillator, numerics: Numerics, method: str, wanted: Wanted, settle: int = 0,
-             record: int = 0) -> NDArray[Any]:
+def choices(osc: Oscillator, numerics: Numerics, method: str, wanted: Wanted, settle: int = 0,
+            record: int = 0) -> NDArray[Any]:
+    """Integer parameters, (n_choices,), in the order of api/marshal.f90."""
     codes = (ContactLaw[osc.contact_law.upper()], ImpactLaw[osc.impact_law.upper()],
              Gap[osc.gap.upper()], osc.back_flank_te, numerics.max_events_per_cycle,
              numerics.max_steps_per_cycle, wanted.events, wanted.impacts, wanted.grazes,
@@ -93,8 +89,8 @@ def _prepared(osc: Oscillator, numerics: Numerics, wanted: Wanted) -> tuple[Any,
         method = method_of(osc, numerics)
         made[numerics, wanted] = (
             method, flank_argument(osc.te, osc.back_flank_te, method),
-            _real_parameters(Points.of([osc]), numerics, method, wanted)[:, 0],
-            _choices(osc, numerics, method, wanted))
+            real_parameters(Points.of([osc]), numerics, method, wanted)[:, 0],
+            choices(osc, numerics, method, wanted))
     prepared: tuple[Any, ...] = made[numerics, wanted]
     return prepared
 
@@ -218,115 +214,6 @@ class TrajectoryCall:
     def work(self) -> dict[str, int]:
         """Counts of what was done since the trajectory began."""
         return work_counts(self.blob[:WORK_SIZE])
-
-
-@dataclass
-class SweepResult:
-    """Tables of a sweep (`records`): outcome (points,), cycles (points, record), events.
-
-    `events` is (points, log_room), NaN where nothing was met; `cycle_means` (points, record), None
-    with one degree of freedom; `tangent` (points, record) where it was wanted; `density` an array
-    (points, bins + 2); `cpu_seconds` is the processor time spent inside the compiled engine;
-    `method` is 'exact' or 'rk4', how they were moved.
-    """
-
-    outcome: np.ndarray
-    cycles: np.ndarray
-    cycle_means: np.ndarray | None
-    tangent: np.ndarray
-    density: np.ndarray
-    events: np.ndarray
-    interrupted: bool = False
-    cpu_seconds: float = 0.0
-    method: str = ""
-
-
-def sweep(points: Any, lines: Any, starts: Any, *, numerics: Numerics, wanted: Wanted,
-          settle: int, record: int, log_room: int, threads: int,
-          progress: Callable[..., Any] | None = None, keep_interrupted: bool = False,
-          keep_cycles: Any = True) -> SweepResult:
-    """Run many oscillators of one table in lines.
-
-    Parameters
-    ----------
-    points : Points, or sequence of Oscillator, all with the same table and laws
-    lines : sequence of (first, last, carried), points from first to last inclusive, 0-based,
-        either way; carried: each point begins where the one before ended
-    starts : sequence of (motion state or REST, phi, phi', phase), one per line, for its first
-        point; later ones begin at the same phase
-    settle, record : int, cycles before recording and cycles recorded
-    log_room : int, lines of the log kept per point: impacts beyond that are dropped
-    threads : int, wanted; `threads.usable_threads` says how many are begun
-    progress : callable(fraction) or None, called between calls into the engine
-    keep_interrupted : bool, whether Ctrl-C ends the sweep with what is finished, the other points
-        with status UNFINISHED, instead of raising KeyboardInterrupt
-    keep_cycles : bool; False: of the cycles nothing is wanted but what `outcome` tells of them. The
-        memory of one point serves all, one after the other, and so does one thread
-
-    Returns
-    -------
-    SweepResult
-
-    Raises
-    ------
-    ValueError
-        where events or near-grazes are wanted and their log is full.
-    """
-    points = points if isinstance(points, Points) else Points.of(points)
-    n, shared = len(points), points.shared
-    method = common_method(points, numerics)
-    flank = flank_argument(shared.te, shared.back_flank_te, method)
-    reals = _real_parameters(points, numerics, method, wanted)
-    way = np.array(lines, dtype=np.intc).reshape(-1, 3)
-    # First and last point, carried, the next point, the stage it is in.
-    table = np.zeros((5, len(way)), dtype=np.intc, order="F")
-    table[:3], table[3] = way.T, way[:, 0]
-    table[[0, 1, 3]] += 1
-    begins = np.asfortranarray(np.array(starts, dtype=float).reshape(-1, 4).T)
-    blobs = np.zeros((BLOB_SIZE, len(lines)), order="F")
-    wants_cycles = wanted.cycles or wanted.strobe or wanted.tangent
-    more = 2 * shared.degrees_of_freedom - 2
-    threads, tables = (threads, n) if keep_cycles else (1, 1)
-    # The engine fills it, rows of cycles that are not reached included.
-    cycles = np.empty((CYCLE_COLUMNS + more, record if wants_cycles else 1, tables), order="F")
-    width = tangent_table(2 + more).itemsize // 8
-    tangent = np.full((width, *((record, n) if wanted.tangent else (1, 1))), np.nan, order="F")
-    density = np.zeros((len(wanted.speed_edges) + 1, n) if wanted.speed_edges else (1, 1),
-                       order="F")
-    waits = wanted.events or wanted.grazes
-    log = np.full((LOG_COLUMNS, log_room if waits or wanted.impacts else 1, n), np.nan, order="F")
-    outcome = np.full((OUTCOME_COLUMNS, n), np.nan, order="F")
-    outcome[0] = Status.UNFINISHED
-    choices = _choices(shared, numerics, method, wanted, settle, record)
-    interrupted, cpu_seconds = False, 0.0
-    try:
-        while np.any(table[4] < LINE_DONE):
-            before = (table.copy(), blobs.copy()) if waits else None
-            begun = time.process_time()
-            within = np.array([CALL_SECONDS, usable_threads(threads, len(lines))])
-            api.sweep(flank, reals, choices, table, begins, within, blobs, cycles, tangent,
-                      density, log, outcome)
-            cpu_seconds += time.process_time() - begun
-            if before and np.array_equal(before[0], table) and np.array_equal(before[1], blobs):
-                raise ValueError(f"sweep: a log of log_room = {log_room} lines is full; events and "
-                                 "near-grazes are never dropped")
-            if progress is not None:
-                progress(float(np.mean(outcome[0] != Status.UNFINISHED)))
-    except KeyboardInterrupt:
-        if not keep_interrupted:
-            raise
-        interrupted = True
-        if wanted.tangent:
-            tangent[:, :, outcome[0] == Status.UNFINISHED] = np.nan
-        log[:, :, outcome[0] == Status.UNFINISHED] = np.nan
-    # Points that it left where they were, at an interruption or without memory.
-    left = (outcome[0] == Status.UNFINISHED) | (outcome[0] == Status.OUT_OF_MEMORY)
-    if keep_cycles and np.any(left):
-        cycles[:, :, left] = np.nan
-    cycles, means = with_means(cycles.transpose(2, 1, 0), CYCLE_TABLE)
-    return SweepResult(named(outcome.T, OUTCOME_TABLE), cycles, means,
-                       named(tangent.transpose(2, 1, 0), tangent_table(2 + more)), density.T,
-                       named(log.transpose(2, 1, 0), EVENT_TABLE), interrupted, cpu_seconds, method)
 
 
 def position(phase: float, cycles: float, period: float) -> tuple[int, float]:

@@ -37,6 +37,8 @@ WORK_NAMES = ("steps", "rejected_steps", "polish_steps", "drive_flank_searches",
 
 EVENT_TABLE, SAMPLE_TABLE, CYCLE_TABLE = (
     np.dtype([(name, float) for name in columns]) for columns in (EVENT, SAMPLE, CYCLE))
+# Columns of an event that a list of impacts keeps.
+IMPACT_TABLE = np.dtype([("kind", np.int8), ("t", float), ("velocity_before", float)])
 # Behind the columns of a sample or a cycle, where there are two degrees of freedom.
 MEAN = {"mean_angle": "rad", "mean_rate": RATE}
 MEAN_TABLE = np.dtype([(name, float) for name in MEAN])

@@ -81,7 +81,7 @@ class SweepKeys(ValueKeys, StudyKeys):
         """See `StudyKeys`."""
         return (estimates.sweep_bytes(asked.values.size * len(asked.starts), self.record_cycles,
                                       impacts=self.impacts, exponents=self.exponents),
-                "record_cycles, the number of values or of starts" + ", or impacts" * self.impacts)
+                "record_cycles, the number of values or of starts")
 
     def disk(self, asked: Asked) -> tuple[int, int]:
         """See `StudyKeys`."""

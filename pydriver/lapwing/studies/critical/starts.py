@@ -17,8 +17,8 @@ from lapwing.engine import Wanted
 from lapwing.engine.records import CYCLE_TABLE, SAMPLE
 
 if TYPE_CHECKING:
-    from lapwing.engine.calls import SweepResult
     from lapwing.engine.numerics import Numerics
+    from lapwing.engine.sweeps import SweepResult
     from lapwing.model.oscillator import Oscillator
 
 # One call into the engine holds at most this much of the cycle tables.

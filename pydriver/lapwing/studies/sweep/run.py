@@ -16,7 +16,7 @@ from lapwing.base.codes import EventKind, Status
 from lapwing.base.quantities import NUMBERS, worded
 from lapwing.base.threads import checked_threads, usable_threads
 from lapwing.engine import Wanted, chosen, numbers, work_counts
-from lapwing.engine.records import CLASS, CYCLE, STROBED
+from lapwing.engine.records import CLASS, CYCLE, IMPACT_TABLE, STROBED
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.transmission_error import TransmissionError
 from lapwing.studies import mean_rotation
@@ -28,8 +28,8 @@ from lapwing.studies.sweep.varied import OF_PAIR, Varied, parameters
 if TYPE_CHECKING:
     import xarray as xr
 
-    from lapwing.engine.calls import SweepResult
     from lapwing.engine.numerics import Numerics
+    from lapwing.engine.sweeps import SweepResult
     from lapwing.model.oscillator import Oscillator
 
 STARTS = ("rest", "up", "down")
@@ -110,8 +110,8 @@ def sweep(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torq
         oscillators.points.repeated(len(starts)), lines,
         np.tile([engine.REST, 0.0, 0.0, phase], (len(lines), 1)),
         numerics=numerics, wanted=wanted, settle=settle, record=record, log_room=max_impacts,
-        threads=threads, progress=progress,
-        keep_interrupted=keep_interrupted)
+        threads=threads, progress=progress, keep_interrupted=keep_interrupted,
+        log_table=IMPACT_TABLE)
     data = _dataset(result, oscillators, parameter, values, starts, wanted, phase,
                     {"contact_law": oscillators[0].contact_law, "settle": settle,
                      "record": record, "rtol": numerics.rtol,
@@ -321,10 +321,8 @@ def _impacts(result: SweepResult, oscillators: Varied, shape: tuple[int, int],
     One list for all points, a contiguous ragged array: those of a point stand together, the points
     in the order of `kept_impacts`.
     """
-    listed = ~np.isnan(result.events["kind"])
-    kept = np.sum(listed, axis=-1)
+    log, kept = result.events, result.kept
     period = np.tile(2 * np.pi / oscillators.points.mesh_frequency_ratio, shape[0])
-    log = result.events[listed]
     met = np.nan_to_num(result.outcome["logged"]).reshape(shape).astype(np.int64)
     flank = np.where(log["kind"] == EventKind.IMPACT, 1, 2).astype(np.int8)
     return {"impact_phase": ("impact", log["t"] / np.repeat(period, kept)),

@@ -1,0 +1,232 @@
+"""Many oscillators in one call: in lines that run side by side, block by block."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lapwing.base import estimates
+from lapwing.base.codes import Status
+from lapwing.base.threads import usable_threads
+from lapwing.engine import blocks, calls
+from lapwing.engine.flanks import flank_argument
+from lapwing.engine.methods import common_method
+from lapwing.engine.points import Points
+from lapwing.engine.records import (
+    CYCLE_TABLE,
+    EVENT_TABLE,
+    OUTCOME_TABLE,
+    named,
+    tangent_table,
+    with_means,
+)
+
+if TYPE_CHECKING:
+    from lapwing.engine.numerics import Numerics, Wanted
+
+LINE_DONE = 4  # fortran/run/sweep.f90, stage_done
+# Points of a block for each thread at least, lest threads wait for the last of them.
+POINTS_PER_THREAD = 8
+
+
+@dataclass
+class SweepResult:
+    """Tables of a sweep (`records`): outcome (points,), cycles (points, record), events.
+
+    `events` is one list (n,), those of a point one after the other, `kept` (points,) of each;
+    `cycle_means` (points, record), None with one degree of freedom; `tangent` (points, record)
+    where it was wanted; `density` an array (points, bins + 2); `cpu_seconds` is the processor time
+    spent inside the compiled engine; `method` is 'exact' or 'rk4', how they were moved.
+    """
+
+    outcome: np.ndarray
+    cycles: np.ndarray
+    cycle_means: np.ndarray | None
+    tangent: np.ndarray
+    density: np.ndarray
+    events: np.ndarray
+    kept: np.ndarray
+    interrupted: bool = False
+    cpu_seconds: float = 0.0
+    method: str = ""
+
+    def logs(self) -> list[NDArray[Any]]:
+        """The events of each point."""
+        return np.split(self.events, np.cumsum(self.kept)[:-1])
+
+
+class _Tables(NamedTuple):
+    """Arrays that the engine writes, points last; one of a single entry serves all points."""
+
+    cycles: NDArray[np.float64]
+    tangent: NDArray[np.float64]
+    density: NDArray[np.float64]
+    outcome: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, points: Points, wanted: Wanted, record: int, keep_cycles: bool) -> _Tables:
+        """Tables of all points; of cycles the engine fills all rows, also those not reached."""
+        n, more = len(points), 2 * points.shared.degrees_of_freedom - 2
+        by_cycle = wanted.cycles or wanted.strobe or wanted.tangent
+        cycles = np.empty((calls.CYCLE_COLUMNS + more, record if by_cycle else 1,
+                           n if keep_cycles else 1), order="F")
+        width = tangent_table(2 + more).itemsize // 8
+        tangent = np.full((width, *((record, n) if wanted.tangent else (1, 1))), np.nan, order="F")
+        outcome = np.full((calls.OUTCOME_COLUMNS, n), np.nan, order="F")
+        outcome[0] = Status.UNFINISHED
+        bins = (len(wanted.speed_edges) + 1, n) if wanted.speed_edges else (1, 1)
+        return cls(cycles, tangent, np.zeros(bins, order="F"), outcome)
+
+    def some(self, points: NDArray[np.intp]) -> _Tables:
+        """Those of some points: the same arrays where these are all, else copies."""
+        n = self.outcome.shape[1]
+        if len(points) == n:
+            return self
+        return _Tables(*(np.asfortranarray(one[..., points]) if one.shape[-1] == n else one
+                         for one in self))
+
+    def put(self, points: NDArray[np.intp], part: _Tables) -> None:
+        """Write back what `some` gave."""
+        for one, other in zip(self, part, strict=True):
+            if other is not one:
+                one[..., points] = other
+
+    def forget_unfinished(self) -> None:
+        """Nothing is known of points left where they were, at an interruption or without memory."""
+        left = (self.outcome[0] == Status.UNFINISHED) | (self.outcome[0] == Status.OUT_OF_MEMORY)
+        if np.any(left):
+            for one in (self.cycles, self.tangent):
+                if one.shape[-1] == len(left):
+                    one[..., left] = np.nan
+
+
+def sweep(points: Any, lines: Any, starts: Any, *, numerics: Numerics, wanted: Wanted,
+          settle: int, record: int, log_room: int, threads: int,
+          progress: Callable[..., Any] | None = None, keep_interrupted: bool = False,
+          keep_cycles: bool = True, log_table: np.dtype[Any] = EVENT_TABLE) -> SweepResult:
+    """Run many oscillators of one table in lines.
+
+    Parameters
+    ----------
+    points : Points, or sequence of Oscillator, all with the same table and laws
+    lines : sequence of (first, last, carried), points from first to last inclusive, 0-based,
+        either way; carried: each point begins where the one before ended
+    starts : sequence of (motion state or REST, phi, phi', phase), one per line, for its first
+        point; later ones begin at the same phase
+    settle, record : int, cycles before recording and cycles recorded
+    log_room : int, lines of the log kept per point: impacts beyond that are dropped
+    threads : int, wanted; `threads.usable_threads` says how many are begun
+    progress : callable(fraction) or None, called between calls into the engine
+    keep_interrupted : bool, whether Ctrl-C ends the sweep with what is finished, the other points
+        with status UNFINISHED, instead of raising KeyboardInterrupt
+    keep_cycles : bool; False: of the cycles nothing is wanted but what `outcome` tells of them. The
+        memory of one point serves all, one after the other, and so does one thread
+    log_table : dtype, columns of `records.EVENT_TABLE` that are kept
+
+    Returns
+    -------
+    SweepResult
+
+    Raises
+    ------
+    MemoryError
+        where the list of events cannot fit.
+    ValueError
+        where events or near-grazes are wanted and their log is full.
+    """
+    points = points if isinstance(points, Points) else Points.of(points)
+    n, shared = len(points), points.shared
+    method = common_method(points, numerics)
+    flank = flank_argument(shared.te, shared.back_flank_te, method)
+    reals = calls.real_parameters(points, numerics, method, wanted)
+    choices = calls.choices(shared, numerics, method, wanted, settle, record)
+    way = np.array(lines, dtype=np.intc).reshape(-1, 3)
+    begins = np.array(starts, dtype=float).reshape(-1, 4)
+    tables = _Tables.of(points, wanted, record, keep_cycles)
+    threads = threads if keep_cycles else 1
+    waits = wanted.events or wanted.grazes
+    logged = waits or wanted.impacts
+    most = max(estimates.log_points(log_room), POINTS_PER_THREAD * threads) if logged else n
+    logs, log = blocks.Logs(n, log_table), np.empty((calls.LOG_COLUMNS, 1, n), order="F")
+    interrupted, seconds = False, 0.0
+    for pieces in blocks.cut(way, max(1, most)):
+        here = blocks.points_of(pieces)
+        part = tables.some(here)
+        if logged and (log.shape[1] != log_room or log.shape[2] < len(here)):
+            log = np.empty((calls.LOG_COLUMNS, log_room, len(here)), order="F")
+        call = _Block(pieces, here, way, _begins(pieces, way, begins, tables.outcome))
+        try:
+            for spent in call.steps((flank, reals if part is tables else np.asfortranarray(
+                    reals[:, here]), choices), part, log[:, :, :len(here)], threads, waits):
+                seconds += spent
+                if progress is not None:
+                    progress(_finished(tables, part) / n)
+        except KeyboardInterrupt:
+            if not keep_interrupted:
+                raise
+            interrupted = True
+        tables.put(here, part)
+        if logged:
+            logs.take(here, part.outcome, log[:, :, :len(here)])
+        if interrupted:
+            break
+    tables.forget_unfinished()
+    cycles, means = with_means(tables.cycles.transpose(2, 1, 0), CYCLE_TABLE)
+    states = 2 * shared.degrees_of_freedom
+    return SweepResult(named(tables.outcome.T, OUTCOME_TABLE), cycles, means,
+                       named(tables.tangent.transpose(2, 1, 0), tangent_table(states)),
+                       tables.density.T, logs.listed(), logs.kept, interrupted, seconds, method)
+
+
+def _finished(tables: _Tables, part: _Tables) -> int:
+    """Points that are finished, those of the block under way included."""
+    both = (tables,) if part is tables else (tables, part)
+    return sum(int(np.count_nonzero(one.outcome[0] != Status.UNFINISHED)) for one in both)
+
+
+def _begins(pieces: NDArray[Any], way: NDArray[Any], begins: NDArray[np.float64],
+            outcome: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How each piece begins, (4, pieces): as its line does, or where the point before ended."""
+    first, _, line, whole = pieces.T
+    found = begins[line]
+    on = (whole == 0) & (way[line, 2] != 0)
+    before = outcome[:, (first - np.where(way[line, 1] < way[line, 0], -1, 1))[on]]
+    ended = before[0] == Status.OK
+    found[on, 0] = np.where(ended, before[2], calls.REST)
+    found[on, 1:3] = np.where(ended, before[3:5], 0.0).T
+    return np.asfortranarray(found.T)
+
+
+class _Block:
+    """Some pieces of lines, carried out in calls of bounded work."""
+
+    def __init__(self, pieces: NDArray[Any], points: NDArray[np.intp], way: NDArray[Any],
+                 begins: NDArray[np.float64]) -> None:
+        # First and last point, carried, the next point, the stage it is in.
+        self._lines = np.zeros((5, len(pieces)), dtype=np.intc, order="F")
+        self._lines[:2] = np.searchsorted(points, pieces[:, :2].T) + 1
+        self._lines[2], self._lines[3] = way[pieces[:, 2], 2], self._lines[0]
+        self._begins = begins
+        self._blobs = np.zeros((calls.BLOB_SIZE, len(pieces)), order="F")
+
+    def steps(self, fixed: tuple[Any, ...], part: _Tables, log: NDArray[np.float64], threads: int,
+              waits: bool) -> Any:
+        """Call the engine until all is done, and give the processor time of each call, s."""
+        many = self._lines.shape[1]
+        while np.any(self._lines[4] < LINE_DONE):
+            before = (self._lines.copy(), self._blobs.copy()) if waits else None
+            begun = time.process_time()
+            within = np.array([calls.CALL_SECONDS, usable_threads(threads, many)])
+            calls.api.sweep(*fixed, self._lines, self._begins, within, self._blobs, part.cycles,
+                            part.tangent, part.density, log, part.outcome)
+            spent = time.process_time() - begun
+            if before and np.array_equal(before[0], self._lines) \
+                    and np.array_equal(before[1], self._blobs):
+                raise ValueError(f"sweep: a log of log_room = {log.shape[1]} lines is full; events "
+                                 "and near-grazes are never dropped")
+            yield spent
