@@ -33,9 +33,6 @@ def cut(lines: NDArray[Any], most: int) -> Iterator[NDArray[Any]]:
     counts, way = np.abs(last - first) + 1, np.where(last < first, -1, 1)
     blocks = -(-int(counts.sum()) // most)
     number = np.arange(len(lines))
-    if blocks == 1:
-        yield np.column_stack([first, last, number, np.ones_like(number)])
-        return
     # Short ones are cut as if they were one behind the other.
     short = counts < blocks
     length = np.where(short, counts[short].sum(), counts)

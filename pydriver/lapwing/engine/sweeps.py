@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -83,10 +83,8 @@ class _Tables(NamedTuple):
         return cls(cycles, tangent, np.zeros(bins, order="F"), outcome)
 
     def some(self, points: NDArray[np.intp]) -> _Tables:
-        """Those of some points: the same arrays where these are all, else copies."""
+        """Those of some points, copies of what is not one for all."""
         n = self.outcome.shape[1]
-        if len(points) == n:
-            return self
         return _Tables(*(np.asfortranarray(one[..., points]) if one.shape[-1] == n else one
                          for one in self))
 
@@ -150,19 +148,18 @@ def sweep(points: Any, lines: Any, starts: Any, *, numerics: Numerics, wanted: W
     tables = _Tables.of(points, wanted, record, keep_cycles)
     threads = threads if keep_cycles else 1
     waits = wanted.events or wanted.grazes
-    logged = waits or wanted.impacts
-    most = max(estimates.log_points(log_room), POINTS_PER_THREAD * threads) if logged else n
-    logs, log = blocks.Logs(n, log_table), np.empty((calls.LOG_COLUMNS, 1, n), order="F")
+    logs = blocks.Logs(n, log_table) if waits or wanted.impacts else None
+    log = np.empty((calls.LOG_COLUMNS, 1, n), order="F")
+    most = n if logs is None else max(estimates.log_points(log_room), POINTS_PER_THREAD * threads)
     interrupted, seconds = False, 0.0
-    for pieces in blocks.cut(way, max(1, most)):
-        here = blocks.points_of(pieces)
-        part = tables.some(here)
-        if logged and (log.shape[1] != log_room or log.shape[2] < len(here)):
-            log = np.empty((calls.LOG_COLUMNS, log_room, len(here)), order="F")
-        call = _Block(pieces, here, way, _begins(pieces, way, begins, tables.outcome))
+    for block in _blocks(way, begins, tables, most):
+        part, here = block.part, block.points
+        size = part.outcome.shape[1]
+        if logs is not None and (log.shape[1] != log_room or log.shape[2] < size):
+            log = np.empty((calls.LOG_COLUMNS, log_room, size), order="F")
+        own = reals if part is tables else np.asfortranarray(reals[:, here])
         try:
-            for spent in call.steps((flank, reals if part is tables else np.asfortranarray(
-                    reals[:, here]), choices), part, log[:, :, :len(here)], threads, waits):
+            for spent in block.steps((flank, own, choices), log[:, :, :size], threads, waits):
                 seconds += spent
                 if progress is not None:
                     progress(_finished(tables, part) / n)
@@ -170,23 +167,50 @@ def sweep(points: Any, lines: Any, starts: Any, *, numerics: Numerics, wanted: W
             if not keep_interrupted:
                 raise
             interrupted = True
-        tables.put(here, part)
-        if logged:
-            logs.take(here, part.outcome, log[:, :, :len(here)])
+        if part is not tables:
+            tables.put(here, part)
+        if logs is not None:
+            logs.take(here, part.outcome, log[:, :, :size])
         if interrupted:
             break
     tables.forget_unfinished()
     cycles, means = with_means(tables.cycles.transpose(2, 1, 0), CYCLE_TABLE)
     states = 2 * shared.degrees_of_freedom
+    kept, events = (np.zeros(n, int), np.empty(0, log_table)) if logs is None else (
+        logs.kept, logs.listed())
     return SweepResult(named(tables.outcome.T, OUTCOME_TABLE), cycles, means,
                        named(tables.tangent.transpose(2, 1, 0), tangent_table(states)),
-                       tables.density.T, logs.listed(), logs.kept, interrupted, seconds, method)
+                       tables.density.T, events, kept, interrupted, seconds, method)
 
 
 def _finished(tables: _Tables, part: _Tables) -> int:
     """Points that are finished, those of the block under way included."""
     both = (tables,) if part is tables else (tables, part)
     return sum(int(np.count_nonzero(one.outcome[0] != Status.UNFINISHED)) for one in both)
+
+
+def _blocks(way: NDArray[Any], begins: NDArray[np.float64], tables: _Tables,
+            most: int) -> Iterator[_Block]:
+    """Blocks of about so many points, each made when those before are done."""
+    n = tables.outcome.shape[1]
+    if n <= most:
+        yield _Block(np.arange(n), tables, _lines(way[:, :2].T, way[:, 2]),
+                     np.asfortranarray(begins.T))
+        return
+    for pieces in blocks.cut(way, most):
+        points = blocks.points_of(pieces)
+        yield _Block(points, tables.some(points),
+                     _lines(np.searchsorted(points, pieces[:, :2].T), way[pieces[:, 2], 2]),
+                     _begins(pieces, way, begins, tables.outcome))
+
+
+def _lines(ends: NDArray[Any], carried: NDArray[Any]) -> NDArray[np.intc]:
+    """Lines as the engine takes them, (5, m), points counted from 1."""
+    lines = np.zeros((5, ends.shape[1]), dtype=np.intc, order="F")
+    lines[:2] = ends
+    lines[:2] += 1
+    lines[2], lines[3] = carried, lines[0]
+    return lines
 
 
 def _begins(pieces: NDArray[Any], way: NDArray[Any], begins: NDArray[np.float64],
@@ -202,31 +226,37 @@ def _begins(pieces: NDArray[Any], way: NDArray[Any], begins: NDArray[np.float64]
     return np.asfortranarray(found.T)
 
 
+@dataclass
 class _Block:
-    """Some pieces of lines, carried out in calls of bounded work."""
+    """Some pieces of lines, carried out in calls of bounded work.
 
-    def __init__(self, pieces: NDArray[Any], points: NDArray[np.intp], way: NDArray[Any],
-                 begins: NDArray[np.float64]) -> None:
-        # First and last point, carried, the next point, the stage it is in.
-        self._lines = np.zeros((5, len(pieces)), dtype=np.intc, order="F")
-        self._lines[:2] = np.searchsorted(points, pieces[:, :2].T) + 1
-        self._lines[2], self._lines[3] = way[pieces[:, 2], 2], self._lines[0]
-        self._begins = begins
-        self._blobs = np.zeros((calls.BLOB_SIZE, len(pieces)), order="F")
+    Attributes
+    ----------
+    points : array (n,), its points among those of the sweep, rising
+    part : _Tables of these points
+    lines : array (5, m): first and last point of the block, carried, next point, its stage
+    begins : array (4, m)
+    """
 
-    def steps(self, fixed: tuple[Any, ...], part: _Tables, log: NDArray[np.float64], threads: int,
-              waits: bool) -> Any:
+    points: NDArray[np.intp]
+    part: _Tables
+    lines: NDArray[np.intc]
+    begins: NDArray[np.float64]
+
+    def steps(self, fixed: tuple[Any, ...], log: NDArray[np.float64], threads: int,
+              waits: bool) -> Iterator[float]:
         """Call the engine until all is done, and give the processor time of each call, s."""
-        many = self._lines.shape[1]
-        while np.any(self._lines[4] < LINE_DONE):
-            before = (self._lines.copy(), self._blobs.copy()) if waits else None
+        many, part = self.lines.shape[1], self.part
+        blobs = np.zeros((calls.BLOB_SIZE, many), order="F")
+        while np.any(self.lines[4] < LINE_DONE):
+            before = (self.lines.copy(), blobs.copy()) if waits else None
             begun = time.process_time()
             within = np.array([calls.CALL_SECONDS, usable_threads(threads, many)])
-            calls.api.sweep(*fixed, self._lines, self._begins, within, self._blobs, part.cycles,
+            calls.api.sweep(*fixed, self.lines, self.begins, within, blobs, part.cycles,
                             part.tangent, part.density, log, part.outcome)
             spent = time.process_time() - begun
-            if before and np.array_equal(before[0], self._lines) \
-                    and np.array_equal(before[1], self._blobs):
+            if before and np.array_equal(before[0], self.lines) \
+                    and np.array_equal(before[1], blobs):
                 raise ValueError(f"sweep: a log of log_room = {log.shape[1]} lines is full; events "
                                  "and near-grazes are never dropped")
             yield spent
