@@ -33,8 +33,8 @@ module lapwing_api_marshal
   !> contact law, impact law, gap, back_flank_te, largest numbers of events and of steps in a
   !> cycle; events, impacts, grazes, strobe, cycles wanted; settling cycles, recorded cycles;
   !> method; tangent maps wanted; whether repeated cycles are copied; degrees of freedom; depths of
-  !> flights wanted
-  integer, parameter :: n_choices = 18
+  !> flights wanted; whether bounces that do not count may be summed
+  integer, parameter :: n_choices = 19
 
   integer(c_int), parameter :: all_sizes(10) = [blob_size, work_size, log_columns, cycle_columns, &
       sample_columns, n_reals, n_choices, tangent_columns, outcome_columns, most_looked_for]
@@ -138,6 +138,8 @@ contains
     numerics%max_steps_per_cycle = choices(6)
     numerics%method = choices(14)
     numerics%copy_repeats = choices(16) == 1
+    numerics%sum_early = choices(19) == 1
+    numerics%count_depth = reals(10)
   end function numerics_from
 
   function recorder_from(reals, choices) result(recorder)

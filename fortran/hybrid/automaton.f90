@@ -6,7 +6,7 @@ module lapwing_hybrid_automaton
       status_ok, status_too_many_events, status_too_many_steps, status_not_finite
   use lapwing_flow, only: flow_t, reached_t, work_t, step_memory_t, at_stop
   use lapwing_flow_rk4_step, only: rk4_move
-  use lapwing_hybrid_chatter, only: remaining_chatter, listed_down_to
+  use lapwing_hybrid_chatter, only: remaining_chatter, listed_down_to, summed_up_to
   use lapwing_hybrid_impact, only: arrive, pass_kink_in_contact, begin_contact, release, &
       pressing_sign, log_event
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
@@ -37,7 +37,8 @@ contains
     segment%moves = .false.
     segment%n_events = 0
     segment%cycle_completed = .false.
-    clear = system%begins_clear(state%instant, listed_down_to*system%period)
+    clear = system%begins_clear(state%instant, &
+        merge(summed_up_to, listed_down_to, numerics%sum_early)*system%period)
     if (flow%takes_steps .or. .not. clear) call flow%open(system, state%instant, segment%frame)
     if (.not. clear) then
       if (state%instant%motion_state == separation) then
@@ -121,9 +122,14 @@ contains
     integer, intent(in) :: flank                    !! flank being bounced on
     real(wp), intent(in) :: speed                   !! speed after the last impact
     logical, intent(out) :: resolved                !! whether the chatter ended
-    real(wp) :: pressing(0:max_degree), duration, z_end(max_states)
+    real(wp) :: pressing(0:max_degree), longest, duration, z_end(max_states)
     call system%pressing(segment%frame, flank, 0.0_wp, state%instant%y, pressing)
-    call remaining_chatter(pressing, speed, system%law%restitution, system%period, &
+    longest = listed_down_to
+    if (numerics%sum_early .and. flank == drive_flank) then
+      if (is_uncounted(state, speed, pressing(0), system%strongest, numerics%count_depth)) &
+          longest = summed_up_to
+    end if
+    call remaining_chatter(pressing, speed, system%law%restitution, system%period, longest, &
         numerics%chatter_tolerance, segment%frame%piece_end, resolved, duration)
     if (.not. resolved) return
     ! Whatever else the system has moves on as in contact; the tooth itself ends on the flank.
@@ -133,6 +139,20 @@ contains
     state%instant%t = state%instant%t + duration
     call begin_contact(system, state, segment, event_chatter_end, flank, 0.0_wp)
   end subroutine sum_chatter
+
+  !> Whether a bounce is certainly too shallow to count, and all that follow it.
+  !>
+  !> It goes as deep as v**2/(2a), or hardly more: over a chatter that may be summed, a is all but
+  !> constant; twice that is allowed for. A flight of this cycle with rebound speed w went at least
+  !> as deep as w**2 over twice the strongest pressing acceleration.
+  pure logical function is_uncounted(state, speed, pressing, strongest, count_depth)
+    type(hybrid_state_t), intent(in) :: state       !! it knows w
+    real(wp), intent(in) :: speed                   !! v, rebound speed
+    real(wp), intent(in) :: pressing                !! a, pressing acceleration
+    real(wp), intent(in) :: strongest               !! bound of it
+    real(wp), intent(in) :: count_depth             !! least depth that counts, part of the deepest
+    is_uncounted = 2*speed**2 <= count_depth*(pressing/strongest)*state%fastest**2
+  end function is_uncounted
 
   !> Rigid contact: on the flank until it would have to pull, or to the next kink or cycle.
   subroutine follow(system, flow, state, segment)
@@ -244,6 +264,8 @@ contains
     if (segment%cycle_completed) then
       state%events_in_cycle = 0
       state%steps_in_cycle = 0
+      state%leaving = 0
+      state%fastest = 0
       ! A cycle then depends on the state it begins with and on nothing else, so that the cycles of
       ! a periodic motion are the same bytes. The step is found again in a few trials.
       state%memory = step_memory_t()
@@ -254,6 +276,7 @@ contains
       end if
       return
     end if
+    state%leaving = 0
     call system%observe(state%instant, phi, phi_dot)
     call log_event(system, state, segment, event_kink, drive_flank, phi_dot - jump, phi_dot)
     if (in_rigid_contact(system, state)) then

@@ -6,11 +6,16 @@ module lapwing_hybrid_chatter
   use lapwing_polynomial_roots, only: first_zero
   implicit none
   private
-  public :: remaining_chatter, below_resolution, listed_down_to
+  public :: remaining_chatter, below_resolution, listed_down_to, summed_up_to
 
   !> Bounces are followed one by one, and listed, while the rest of the chatter lasts longer than
   !> this part of the mesh period.
   real(wp), parameter :: listed_down_to = 1.0e-7_wp
+  !> Where no one asks for single bounces, those that count apart, they are summed as soon as the sum
+  !> is right to the tolerance, which is not looked at before the rest lasts less than this part.
+  real(wp), parameter :: summed_up_to = 1.0e-4_wp
+  !> ... and what the sum neglects is less than this part of the rest.
+  real(wp), parameter :: alike = 0.01_wp
   !> Units in the last place of time below which a flight is no flight.
   real(wp), parameter :: resolution_ulps = 4
 
@@ -23,12 +28,13 @@ contains
   !> T = T1 - 4 j v**2/(3 a**3 (1-eps)**2), and what that neglects is about
   !> T1 (r**2 + |2k| v**2/(a**3 (1-eps)**2)). Only T1 decides whether a chatter is short: far
   !> from its end the corrected duration may even be negative.
-  pure subroutine remaining_chatter(pressing, speed, restitution, period, tolerance, free, &
-      ends, duration)
+  pure subroutine remaining_chatter(pressing, speed, restitution, period, longest, tolerance, &
+      free, ends, duration)
     real(wp), intent(in) :: pressing(0:max_degree)  !! pressing acceleration about the impact
     real(wp), intent(in) :: speed                   !! v, separation speed after the impact
     real(wp), intent(in) :: restitution             !! eps
     real(wp), intent(in) :: period                  !! mesh period
+    real(wp), intent(in) :: longest                 !! rest that may be summed, in mesh periods
     real(wp), intent(in) :: tolerance               !! of the duration, in mesh periods
     real(wp), intent(in) :: free                    !! time to the next knot
     logical, intent(out) :: ends                    !! whether it may be summed
@@ -42,11 +48,13 @@ contains
     loss = 1 - restitution
     if (.not. (a > 0 .and. loss > 0 .and. speed > 0)) return
     first = 2*speed/(a*loss)
-    if (first > listed_down_to*period) return
+    if (first > longest*period) return
     r = 2*abs(j)*speed/(3*a**2*loss)
     neglected = first*(r**2 + 2*abs(pressing(2))*speed**2/(a**3*loss**2))
     duration = first - 4*j*speed**2/(3*a**3*loss**2)
     if (neglected > tolerance*period .or. duration <= 0) return
+    ! Of what is summed early the pressing is all but constant, however wide the tolerance is.
+    if (first > listed_down_to*period .and. neglected > alike*first) return
     if (2*first >= free - spacing(period)) return
     call first_zero(pressing, 2*first, released, zero_at)
     ends = .not. released

@@ -45,6 +45,8 @@ contains
     end if
     call system%place_at_flank(flank, after, state%instant%y)
     call log_event(system, state, segment, event_impact, flank, before, after)
+    if (flank == drive_flank) state%fastest = max(state%fastest, state%leaving)
+    state%leaving = merge(max(-after, 0.0_wp), 0.0_wp, flank == drive_flank)
     if (abs(after) <= slow_part*system%period*system%strongest) then
       call rest_or_leave(system, state, segment, flank, after)
     else if (after > 0) then
@@ -114,6 +116,7 @@ contains
     call system%place_at_flank(flank, approach, state%instant%y)
     state%instant%motion_state = flank
     state%instant%touching = flank
+    state%leaving = 0
     call log_event(system, state, segment, kind, flank, approach, approach)
   end subroutine begin_contact
 
@@ -127,6 +130,7 @@ contains
     call system%place_at_flank(flank, approach, state%instant%y)
     state%instant%motion_state = separation
     state%instant%touching = flank
+    state%leaving = 0
     call log_event(system, state, segment, event_release, flank, approach, approach)
   end subroutine release
 

@@ -17,6 +17,9 @@ module lapwing_hybrid_state
     type(step_memory_t) :: memory(0:2)       !! step rule's memory by motion state
     integer :: events_in_cycle = 0           !! events since the cycle began
     integer :: steps_in_cycle = 0            !! arcs since the cycle began
+    !> Of flights that begin and end at the drive flank in this cycle, with no kink on the way: the
+    !> rebound speed of the one under way, and the fastest of those that have ended; 0: none.
+    real(wp) :: leaving = 0, fastest = 0
   end type hybrid_state_t
 
   !> Tolerances and bounds.
@@ -27,6 +30,8 @@ module lapwing_hybrid_state
     integer :: max_events_per_cycle = 1000000      !! bound on events
     integer :: max_steps_per_cycle = 10000000      !! bound on arcs
     logical :: copy_repeats = .true.               !! cycles known already are not computed again
+    logical :: sum_early = .false.                 !! bounces that do not count may be summed
+    real(wp) :: count_depth = 0                    !! least depth that counts, part of the deepest
   end type numerics_t
 
   !> One line of the event log.

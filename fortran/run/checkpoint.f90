@@ -90,6 +90,8 @@ contains
     call pass(blob, at, writes, state%memory%ratio)
     call pass(blob, at, writes, state%events_in_cycle)
     call pass(blob, at, writes, state%steps_in_cycle)
+    call pass(blob, at, writes, state%leaving)
+    call pass(blob, at, writes, state%fastest)
     call pass(blob, at, writes, sums%strobe_due)
     call pass(blob, at, writes, sums%states_visited)
     call pass(blob, at, writes, sums%counter)

@@ -2,7 +2,8 @@
 program test_chatter
   use, intrinsic :: iso_fortran_env, only: real128
   use assertions, only: tally_t
-  use lapwing_hybrid_chatter, only: remaining_chatter, below_resolution
+  use lapwing_hybrid_chatter, only: remaining_chatter, below_resolution, listed_down_to, &
+      summed_up_to
   use lapwing_kinds, only: wp
   implicit none
 
@@ -62,7 +63,7 @@ contains
     real(wp) :: duration
     logical :: ends
     call remaining_chatter([2.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], 0.5_wp, 0.75_wp, &
-        long_period, 0.0_wp, long_period, ends, duration)
+        long_period, listed_down_to, 0.0_wp, long_period, ends, duration)
     call tally%is_true(ends, "constant pressing: ends")
     call tally%near(duration, 2.0_wp, 4*epsilon(duration), "constant pressing")
     call tally%near(real(direct_sum([2.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], 0.5_wp, &
@@ -87,8 +88,8 @@ contains
       p(0) = 0.5_wp + random(1)
       p(1:3) = 2*random(2:4) - 1
       v = 1.0e-3_wp*(1 - restitution(e))
-      call remaining_chatter(p, v, restitution(e), long_period, no_tolerance, long_period, ends, &
-          duration)
+      call remaining_chatter(p, v, restitution(e), long_period, listed_down_to, no_tolerance, &
+          long_period, ends, duration)
       if (.not. ends .or. neglected(p, v, restitution(e)) < 1.0e-12_wp) cycle
       exact = direct_sum(p, v, restitution(e))
       worst = max(worst, abs(real(duration - exact, wp))/neglected(p, v, restitution(e)))
@@ -106,7 +107,8 @@ contains
     integer :: i
     do i = 1, 2
       v = 1.0e-3_wp/2**i
-      call remaining_chatter(p, v, eps, long_period, no_tolerance, long_period, ends, duration)
+      call remaining_chatter(p, v, eps, long_period, listed_down_to, no_tolerance, long_period, &
+          ends, duration)
       error(i) = abs(real(duration - direct_sum(p, v, eps), wp))
     end do
     slope = log(error(1)/error(2))/log(2.0_wp)
@@ -122,18 +124,23 @@ contains
     real(wp), parameter :: period = 5, tolerance = 1.0e-13_wp
     real(wp) :: v, duration
     logical :: ends
-    integer :: i, n_ended
-    n_ended = 0
-    do i = 0, 60
-      v = 10.0_wp**(-0.2_wp*i)
-      call remaining_chatter(p, v, 0.7_wp, period, tolerance, 1.0_wp, ends, duration)
-      if (.not. ends) cycle
-      n_ended = n_ended + 1
-      call tally%near(real(duration - direct_sum(p, v, 0.7_wp), wp), 0.0_wp, &
-          3*tolerance*period, "end of a chatter")
+    ! 2v/(0.3*0.3) <= 1e-7*5: v below 2.2e-8, that is i from 39 on. Without that bound 2v/(0.3*0.3)
+    ! times (0.5*v/(3*0.3**2*0.3/2))**2 + 1.6*v**2/(0.3**3*0.3**2) is below 5e-13 from i = 28 on.
+    integer, parameter :: expected(2) = [22, 33]
+    integer :: i, k, n_ended
+    do k = 1, 2
+      n_ended = 0
+      do i = 0, 60
+        v = 10.0_wp**(-0.2_wp*i)
+        call remaining_chatter(p, v, 0.7_wp, period, merge(listed_down_to, summed_up_to, k == 1), &
+            tolerance, 1.0_wp, ends, duration)
+        if (.not. ends) cycle
+        n_ended = n_ended + 1
+        call tally%near(real(duration - direct_sum(p, v, 0.7_wp), wp), 0.0_wp, &
+            3*tolerance*period, "end of a chatter")
+      end do
+      call tally%equal(n_ended, expected(k), "chatters ended")
     end do
-    ! 2v/(0.3*0.3) <= 1e-7*5: v below 2.2e-8, that is i from 39 on.
-    call tally%equal(n_ended, 22, "chatters ended")
   end subroutine test_accuracy_when_ended
 
   subroutine refused(pressing, speed, restitution, free, what)
@@ -141,7 +148,8 @@ contains
     character(*), intent(in) :: what                                  !! in words
     real(wp) :: duration
     logical :: ends
-    call remaining_chatter(pressing, speed, restitution, 1.0_wp, 1.0e-10_wp, free, ends, duration)
+    call remaining_chatter(pressing, speed, restitution, 1.0_wp, listed_down_to, 1.0e-10_wp, &
+        free, ends, duration)
     call tally%is_true(.not. ends, "not a complete chatter: "//what)
   end subroutine refused
 
@@ -152,7 +160,8 @@ contains
     real(wp), parameter :: v = 1.0e-9_wp
     real(wp) :: duration
     logical :: ends
-    call remaining_chatter(p, v, 0.5_wp, 1.0_wp, 1.0e-10_wp, 1.0_wp, ends, duration)
+    call remaining_chatter(p, v, 0.5_wp, 1.0_wp, listed_down_to, 1.0e-10_wp, 1.0_wp, ends, &
+        duration)
     call tally%is_true(ends, "the case that the refusals vary")
     call refused(-p, v, 0.5_wp, 1.0_wp, "pulled away")
     call refused(0*p, v, 0.5_wp, 1.0_wp, "no force")

@@ -76,7 +76,7 @@ def choices(osc: Oscillator, numerics: Numerics, method: str, wanted: Wanted, se
              numerics.max_steps_per_cycle, wanted.events, wanted.impacts, wanted.grazes,
              wanted.strobe or wanted.tangent, wanted.cycles, settle, record,
              Method[method.upper()], wanted.tangent, numerics.copy_repeats, osc.degrees_of_freedom,
-             wanted.depths)
+             wanted.depths, not wanted.bounces)
     return np.array([int(code) for code in codes], dtype=np.intc)
 
 

@@ -64,10 +64,13 @@ class Numerics:
 class Wanted:
     """What a run records; what is not named is neither computed nor stored.
 
+    Without `bounces` those of a complete chatter that do not count are summed as soon as the sum is
+    right to `chatter_tol`, not followed one by one; then no impacts, events or tangents are wanted.
     `depths` are those of the flights that end with an event; `speed_edges` (rad per τ, of equal
     ratio; sweeps only) are the bins of impact speeds.
     """
 
+    bounces: bool = True
     events: bool = False
     depths: bool = False
     impacts: bool = False

@@ -12,6 +12,7 @@ import pytest
 import lapwing
 from helpers import ROOT, dataset_bytes
 from lapwing import Numerics, Status, TransmissionError, engine, parameter_map, sweep
+from lapwing.engine import Wanted
 from lapwing.results.shards import Shard, discard_shards, read_shard, shard_path, shards_in
 from lapwing.studies.map import shards
 from lapwing.studies.map.run import _Found, job_of
@@ -32,9 +33,15 @@ def numbers_of(found):
     return dataset_bytes(found.drop_attrs())
 
 
+@pytest.fixture
+def every_bounce(monkeypatch):
+    """Maps follow bounce after bounce, as sweeps do."""
+    monkeypatch.setattr(shards, "Wanted", lambda **wanted: Wanted(**{**wanted, "bounces": True}))
+
+
 @pytest.mark.parametrize("start", ["rest", "up", "down"])
 @pytest.mark.parametrize("law", ["restitution", "compliant"])
-def test_a_column_is_a_sweep(start, law):
+def test_a_column_is_a_sweep(start, law, every_bounce):
     found = mapped(start=start, line="brake_torque", contact_law=law)
     assert found["status"].dims == tuple(AXES)
     for speed in AXES["pinion_speed_rpm"]:
@@ -53,7 +60,37 @@ def test_a_column_is_a_sweep(start, law):
     assert len(np.unique(found["period"])) > 1
 
 
-def test_other_axes_and_more_than_two():
+def test_bounces_that_do_not_count_are_summed_early(request):
+    """What is kept of a map stays: counts, and extremes to the tolerance of a chatter's end.
+
+    The gear with a kinked parabola, whose chatters are geometric series, where it has a period:
+    chaos takes another course with every rounding.
+    """
+    te = TransmissionError.parabola(125e-6)
+    axes = {"pinion_speed_rpm": [480.0, 900.0], "brake_torque": np.linspace(4, 12, 9)}
+    found = [parameter_map(PAIR, te, axes)]
+    request.getfixturevalue("every_bounce")
+    found.append(parameter_map(PAIR, te, axes))
+    early, singly = (one.where(found[1]["period"] > 0, drop=False) for one in found)
+    assert int(((found[1]["chatter"] > 0) & (found[1]["period"] > 0)).sum()) >= 5
+    for name in KEPT:
+        exact = KEPT[name] is not float
+        # Each end of a chatter is right to 1e-13 periods, and what follows forgets it.
+        np.testing.assert_allclose(early[name], singly[name], rtol=0 if exact else 1e-10,
+                                   atol=0)
+
+
+def test_where_every_impact_counts_none_is_summed_early(request):
+    axes = {"pinion_speed_rpm": [1500.0], "brake_torque": np.linspace(3, 9, 7)}
+    early = mapped(axes, numerics=Numerics(count_depth=0.0))
+    request.getfixturevalue("every_bounce")
+    singly = mapped(axes, numerics=Numerics(count_depth=0.0))
+    assert early["chatter"].any() and dataset_bytes(early) == dataset_bytes(singly)
+    summed = mapped(axes)
+    assert summed["chatter"].any() and int(early["arrivals"].sum()) > int(summed["arrivals"].sum())
+
+
+def test_other_axes_and_more_than_two(every_bounce):
     axes = {"backlash": [1e-4, 2e-3], "brake_torque": [0.5, 3.0], "restitution": [0.2, 0.8]}
     found = mapped(axes, pinion_speed_rpm=1500.0)
     assert found["period"].shape == (2, 2, 2)
