@@ -126,8 +126,9 @@ contains
     call system%pressing(segment%frame, flank, 0.0_wp, state%instant%y, pressing)
     longest = listed_down_to
     if (numerics%sum_early .and. flank == drive_flank) then
-      if (is_uncounted(state, speed, pressing(0), system%strongest, numerics%count_depth)) &
-          longest = summed_up_to
+      if (is_uncounted(state, speed, pressing(0), system%strongest, numerics%count_depth)) then
+        longest = summed_up_to
+      end if
     end if
     call remaining_chatter(pressing, speed, system%law%restitution, system%period, longest, &
         numerics%chatter_tolerance, segment%frame%piece_end, resolved, duration)

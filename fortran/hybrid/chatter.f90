@@ -11,8 +11,8 @@ module lapwing_hybrid_chatter
   !> Bounces are followed one by one, and listed, while the rest of the chatter lasts longer than
   !> this part of the mesh period.
   real(wp), parameter :: listed_down_to = 1.0e-7_wp
-  !> Where no one asks for single bounces, those that count apart, they are summed as soon as the sum
-  !> is right to the tolerance, which is not looked at before the rest lasts less than this part.
+  !> Where no one asks for single bounces, those that do not count are summed as soon as the sum is
+  !> right to the tolerance, which is not looked at before the rest lasts less than this part.
   real(wp), parameter :: summed_up_to = 1.0e-4_wp
   !> ... and what the sum neglects is less than this part of the rest.
   real(wp), parameter :: alike = 0.01_wp

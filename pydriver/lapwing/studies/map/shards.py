@@ -166,8 +166,8 @@ def _move(job: Job, first: int, outcome: NDArray[Any], told: Callable[[float], N
         part = points if which.size == len(points) else points.take(which)
         result = engine.sweep(
             part, _lines(job, which.size), _starts(job, which.size), numerics=job.numerics,
-            wanted=Wanted(cycles=True, bounces=False), settle=job.settle, record=job.record, log_room=1,
-            threads=1, keep_cycles=False,
+            wanted=Wanted(cycles=True, bounces=False), settle=job.settle, record=job.record,
+            log_room=1, threads=1, keep_cycles=False,
             progress=_told(told, None, done / len(points), which.size / len(points)))
         outcome[which] = result.outcome
         done += which.size
