@@ -50,13 +50,21 @@ def test_parts_make_a_whole(deck, expected, tmp_path):
     folder = tmp_path / "plane.shards" / "map_plane"
     for part in (3, 1):
         code, said = run(deck, tmp_path, "--shard", f"{part}/3")
-        assert code == 0 and f"part {part} of 3 is done" in said
-    assert shards_in(folder) == [i for i in range(SHARDS) if i % 3 != 1]
+        many = len(range(part - 1, SHARDS, 3))
+        assert code == 0 and f"part {part} of 3 is done: {many} shards made; lapwing run" in said
+    code, said = run(deck, tmp_path, "--shard", "1/2")  # of which some were made for others
+    assert code == 0 and "part 1 of 2 is done: " in said and " lay there; lapwing run" in said
+    code, said = run(deck, tmp_path, "--shard", "1/2")
+    assert code == 0 and f"is done: 0 shards made, {-(-SHARDS // 2)} lay there" in said
+    code, said = run(deck, tmp_path, "--shard", "99/99")
+    assert code == 0 and "is done" not in said and "fewer shards than parts" in said
+    assert shards_in(folder) == [i for i in range(SHARDS) if i % 3 != 1 or i % 2 == 0]
     code, said = run(deck, tmp_path)  # which makes what is missing
     assert code == 0 and plane_numbers(tmp_path / "plane" / "result.nc") == expected
     assert [path.name for path in tmp_path.iterdir()] == ["plane"]
     code, said = run(deck, tmp_path, "--shard", "2/3")  # late
-    assert code == 0 and "complete results of the same values lie there" in said
+    assert code == 0 and "is done" not in said
+    assert "complete results of the same values lie there, no shard is made" in said
     assert [path.name for path in tmp_path.iterdir()] == ["plane"]
 
 

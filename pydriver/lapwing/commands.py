@@ -63,16 +63,23 @@ def part_of(deck: Deck, out: Path, part: int, parts: int, threads: int,
     if not deck.studies["map"]:
         complain(f"{deck.path}: --shard goes with &map; the deck has none")
         return BAD_INPUT
-    notes, code = _attempt(
+    found, code = _attempt(
         deck, progress,
         lambda: run_part(deck, out, part, parts, threads=threads, progress=progress),
         "the shards that are finished stay", out)
-    if notes is None:
+    if found is None:
         return code
-    for note in notes:
+    for note in found.notes:
         complain(note)
-    print(f"{deck.title}: part {part} of {parts} is done; lapwing run without --shard puts the "
-          "parts together")
+    head = f"{deck.title}: part {part} of {parts}"
+    if found.complete:
+        print(f"{head}: complete results of the same values lie there, no shard is made")
+    elif not found.made + found.there:
+        print(f"{head}: nothing is left for it, there are fewer shards than parts")
+    else:
+        lay = f", {found.there} lay there" * bool(found.there)
+        print(f"{head} is done: {found.made} shard{'s' * (found.made != 1)} made{lay}; lapwing run "
+              "without --shard puts the parts together")
     return OK
 
 

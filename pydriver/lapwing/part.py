@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lapwing.base.threads import checked_threads
 from lapwing.deck import used_hash
@@ -14,8 +14,24 @@ if TYPE_CHECKING:
     from lapwing.deck.deck import Deck
 
 
+class Part(NamedTuple):
+    """What became of a part.
+
+    Attributes
+    ----------
+    made, there : int, shards that were made, and that lay there already
+    complete : bool, whether complete results of the same values lie there: then no shard is made
+    notes : tuple of str, shards that were found damaged or of something else, and made again
+    """
+
+    made: int
+    there: int
+    complete: bool
+    notes: tuple[str, ...]
+
+
 def run_part(deck: Deck, parent: str | os.PathLike[str], part: int, parts: int, *,
-             threads: int | None = None, progress: Any = None) -> tuple[str, ...]:
+             threads: int | None = None, progress: Any = None) -> Part:
     """Make each `parts`-th shard of a deck's large studies, from the `part`-th on; publish nothing.
 
     So many calls, in processes of their own, share the work; `run_deck` puts it together, and makes
@@ -28,8 +44,7 @@ def run_part(deck: Deck, parent: str | os.PathLike[str], part: int, parts: int, 
 
     Returns
     -------
-    tuple of str, shards that were found damaged or of something else, and made again; that nothing
-    was made, where complete results of the same values lie
+    Part
 
     Raises
     ------
@@ -44,9 +59,9 @@ def run_part(deck: Deck, parent: str | os.PathLike[str], part: int, parts: int, 
     folder.parent.mkdir(parents=True, exist_ok=True)
     there = present_in(folder)
     if there.complete and there.inputs == used_hash(deck):
-        return (f"{folder}: complete results of the same values lie there; no shard is made",)
+        return Part(0, 0, True, ())
     notes: list[str] = []
     report = progress.study if progress else (lambda *_: (lambda _: None))
-    compute_part(deck, part, parts, checked_threads(threads), report,
-                 folder.with_name(folder.name + SHARDS), notes.append)
-    return tuple(notes)
+    made, lay = compute_part(deck, part, parts, checked_threads(threads), report,
+                             folder.with_name(folder.name + SHARDS), notes.append)
+    return Part(made, lay, False, tuple(notes))

@@ -93,15 +93,24 @@ def shards_of(folder: Path, kind: str, name: str) -> Path:
 
 
 def compute_part(deck: Deck, part: int, parts: int, threads: int, report: Callable[..., Any],
-                 folder: Path, notes: Callable[[str], None]) -> None:
-    """Make each `parts`-th shard, from the `part`-th on, of each study that has shards."""
+                 folder: Path, notes: Callable[[str], None]) -> tuple[int, int]:
+    """Make each `parts`-th shard, from the `part`-th on, of each study that has shards.
+
+    Returns
+    -------
+    int, int, how many shards were made, and how many lay there
+    """
+    counts = [(0, 0)]
     for study in carried_out():
         asked_for = deck.studies[study.kind]
         module: Any = study.part("study") if asked_for else None
         for asked in asked_for if getattr(module, "KEEPS_SHARDS", False) else ():
             done = report(f"{study.kind} {asked.name}, part {part} of {parts}", 100, "%")
-            module.carry_out_part(deck, asked, part, parts, threads, done,
-                                  shards_of(folder, study.kind, asked.name), notes)
+            counts.append(module.carry_out_part(
+                deck, asked, part, parts, threads, done,
+                shards_of(folder, study.kind, asked.name), notes))
+    made, there = (sum(column) for column in zip(*counts, strict=True))
+    return made, there
 
 
 def _one_by_one(study: Study, deck: Deck, threads: int, report: Callable[..., Any],

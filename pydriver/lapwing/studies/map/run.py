@@ -128,14 +128,20 @@ def parameter_map(pair: GearPair, te: TransmissionError, axes: Mapping[str, Any]
 
 def make_part(job: Job, folder: Path, part: int, parts: int, threads: int,
               progress: Callable[[float], object] | None = None,
-              notes: Callable[[str], object] | None = None) -> None:
+              notes: Callable[[str], object] | None = None) -> tuple[int, int]:
     """Make each `parts`-th shard of a map, from the `part`-th on (1 to `parts`), and nothing more.
 
     So many processes, on one machine or many that see the folder, each with a part of its own, make
     a map between them; `parameter_map` puts it together.
+
+    Returns
+    -------
+    int, int, how many shards were made, and how many lay there
     """
     found = _Found(job, notes or (lambda _: None))
-    _Work(job, folder, found, progress, range(part - 1, job.shards, parts)).carry_out(None, threads)
+    indices = range(part - 1, job.shards, parts)
+    made = _Work(job, folder, found, progress, indices).carry_out(None, threads)
+    return made, len(indices) - made
 
 
 def job_of(pair: GearPair, te: TransmissionError, axes: Any, *, line: str | None, start: str,
@@ -219,14 +225,14 @@ class _Work:
         self._parts = np.zeros(job.shards)
         self._stop = threading.Event()
 
-    def carry_out(self, executor: Executor | None, threads: int) -> None:
-        """Read what lies there, make the rest."""
+    def carry_out(self, executor: Executor | None, threads: int) -> int:
+        """Read what lies there, make the rest; returns how many that are."""
         if self.folder is not None:
             self.job.write_study(self.folder)
         left = [index for index in self._indices if not self._read(index)]
         self._tell()
         if not left:
-            return
+            return 0
         with contextlib.ExitStack() as stack:
             if executor is None:
                 pool = stack.enter_context(ThreadPoolExecutor(threads))
@@ -244,6 +250,7 @@ class _Work:
             except BaseException:
                 self._stop.set()
                 raise
+        return len(left)
 
     def _hand_out(self, submit: Callable[[int], Future[Any]], left: list[int],
                   most: int) -> None:

@@ -55,9 +55,9 @@ def carry_out(deck: Deck, study: Asked, order: int, threads: int,
 
 def carry_out_part(deck: Deck, study: Asked, part: int, parts: int, threads: int,
                    done: Callable[[float], None] | None, folder: Path,
-                   notes: Callable[[str], None] | None = None) -> None:
+                   notes: Callable[[str], None] | None = None) -> tuple[int, int]:
     """Make each `parts`-th shard of a map, from the `part`-th on; see `run.make_part`."""
-    make_part(job_of(**_arguments(deck, study)), folder, part, parts, threads, done, notes)
+    return make_part(job_of(**_arguments(deck, study)), folder, part, parts, threads, done, notes)
 
 
 def _arguments(deck: Deck, study: Asked) -> dict[str, Any]:
