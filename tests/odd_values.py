@@ -48,6 +48,10 @@ TE = lw.TransmissionError.parabola(7.5e-5)
 PAIR = lw.GearPair(25, 32, 7.8e-3, 1.24e-2, 0.0414, 3.12e8, 2e-3, 0.8, damping_ratio=0.07)
 OSC = PAIR.oscillator(TE, brake_torque=12.5, pinion_speed_rpm=300)
 RUN = lw.simulate(OSC, cycles=2)
+# The bouncing ball of docs/model.md, at rest in its orbit of one impact a cycle.
+ORBIT = lw.find_orbit(lw.Oscillator(
+    lw.TransmissionError.harmonic([1.0]), force=1.0, mesh_frequency_ratio=1.0, restitution=0.7,
+    backlash=1e3, damping_ratio=0.1), (0, -5.9, 1.2), settle=1)
 RESPONSE = lw.engaged_response(OSC)
 STATE = lw.settled_state(OSC, 3)
 SHORT = {"settle": 1, "record": 1, "pinion_speed_rpm": 300}
@@ -180,6 +184,11 @@ CASES = {
     "cascade": (lw.cascade, {
         "make": make, "low": OSC.force, "high": OSC.force * 1.01, "start": STATE,
         "doublings": 1, "cycles": 1, "settle": 2}),
+    "branch": (lw.branch, {"orbit": ORBIT, "parameter": "force", "low": 0.999, "high": 1.001,
+                           "points": 3}),
+    "branches": (lw.branches, {
+        "pair": PAIR, "te": TE, "parameter": "brake_torque", "low": 12.4, "high": 12.6, "seeds": 2,
+        "settle": 1, "doublings": 0, "points": 2, "progress": None, "pinion_speed_rpm": 300}),
     "settled_state": (lw.settled_state, {"osc": OSC, "cycles": 2, "start": "rest"}),
     "load_deck": (lw.load_deck, {"path": DECK, "overrides": [("operation.brake_torque", "2")]}),
     "run_deck": (lw.run_deck, {"deck": lw.load_deck(DECK), "parent": FOLDER / "r", "threads": 1,

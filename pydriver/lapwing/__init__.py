@@ -32,6 +32,8 @@ _HOMES = {
     "sweep": "studies.sweep.run",
     "parameter_map": "studies.map.run",
     "open_study": "studies.map.opened",
+    "branch": "studies.branch",
+    "branches": "studies.branch",
     "find_orbit": "studies.orbit",
     "follow": "studies.orbit",
     "period_doubling": "studies.orbit",

@@ -1,0 +1,276 @@
+"""The curve of a motion's events and a parameter: correction, tangent, multipliers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lapwing.model.oscillator import Oscillator
+from lapwing.studies.branch.motion.equations import Events, blocks, residual
+from lapwing.studies.branch.motion.flank_motion import FlankMotion, Motions
+from lapwing.studies.branch.motion.layout import Layout
+
+MOST_CORRECTIONS = 12
+# A correction this small against the unknowns is rounding; one that no longer shrinks, and is
+# smaller than `CLOSE`, too.
+DONE, CLOSE = 1e-14, 1e-10
+# Larger systems are solved as sparse ones, by one thread.
+MOST_DENSE = 40
+# Part of the parameter's scale over which the equations are differenced: error 1e-10 of the
+# derivative, which bears on the speed of Newton's method and on nothing that is located.
+BY_PARAMETER = 1e-5
+MOST_KEPT = 16
+
+
+class NotCorrected(Exception):
+    """Newton's method has not come back to the curve."""
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A point of the curve.
+
+    Attributes
+    ----------
+    layout : Layout
+    z : array (2n + 1,), phase and scaled speed of each event, and the scaled parameter
+    tangent : array (2n + 1,), of unit length in the curve's measure
+    """
+
+    layout: Layout
+    z: NDArray[Any]
+    tangent: NDArray[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """An oscillator for each value of a parameter, and the scales of the unknowns.
+
+    Attributes
+    ----------
+    make : callable(value) giving an Oscillator
+    motions : Motions
+    scale : float, rad; of angles, and over P of speeds
+    unit : float, of the parameter
+    """
+
+    make: Callable[[float], Oscillator]
+    motions: Motions
+    scale: float
+    unit: float
+    kept: dict[float, Oscillator] = field(default_factory=dict)
+
+    def value(self, z: NDArray[Any]) -> float:
+        """The parameter."""
+        return float(z[-1]) * self.unit
+
+    def oscillator(self, value: float) -> Oscillator:
+        """The oscillator at a value; the last few are kept."""
+        if value not in self.kept:
+            if len(self.kept) >= MOST_KEPT:
+                self.kept.pop(next(iter(self.kept)))
+            self.kept[value] = self.make(value)
+        return self.kept[value]
+
+    def at(self, z: NDArray[Any]) -> tuple[Events, Oscillator, FlankMotion]:
+        """Events, oscillator and flank motion of a vector of unknowns."""
+        osc = self.oscillator(self.value(z))
+        return (Events(z[:-1:2], z[1:-1:2] * (self.scale / osc.period)), osc,
+                self.motions.of(osc))
+
+    def packed(self, phase: NDArray[Any], speed: NDArray[Any], value: float) -> NDArray[Any]:
+        """The other way."""
+        z = np.empty(2 * len(phase) + 1)
+        z[:-1:2], z[-1] = phase, value / self.unit
+        z[1:-1:2] = speed * (self.oscillator(value).period / self.scale)
+        return z
+
+    def weights(self, layout: Layout) -> NDArray[Any]:
+        """Of the squares of the unknowns in the measure of length: their mean, and the value's."""
+        return np.append(np.full(2 * layout.n, 1.0 / max(1, layout.n)), 1.0)
+
+    def residual(self, layout: Layout, z: NDArray[Any]) -> NDArray[Any]:
+        """By how much the equations are off, array (2n,)."""
+        events, osc, motion = self.at(z)
+        return residual(layout, events, osc, motion, self.scale)
+
+    def linear(self, layout: Layout, z: NDArray[Any]) -> tuple[Any, Any, Any, Any]:
+        """Residual, derivatives by the event before, by each event, and by the parameter."""
+        return *self.by_events(layout, z), self.by_value(layout, z)
+
+    def by_events(self, layout: Layout, z: NDArray[Any]) -> tuple[Any, Any, Any]:
+        """Residual, derivatives by the event before and by each event."""
+        events, osc, motion = self.at(z)
+        return blocks(layout, events, osc, motion, self.scale)
+
+    def by_value(self, layout: Layout, z: NDArray[Any]) -> NDArray[Any]:
+        """Derivative of the residual by the scaled parameter, by differences."""
+        step = np.zeros(len(z))
+        step[-1] = BY_PARAMETER * max(1.0, abs(z[-1]))
+        found: NDArray[Any] = (self.residual(layout, z + step) - self.residual(layout, z - step)) \
+            / (2 * step[-1])
+        return found
+
+
+class Bordered:
+    """The matrix of the equations with one more row, factorised."""
+
+    def __init__(self, one: NDArray[Any], two: NDArray[Any], by_value: NDArray[Any],
+                 row: NDArray[Any]) -> None:
+        n = len(one)
+        at, before = np.arange(n), np.roll(np.arange(n), 1)
+        size = 2 * n + 1
+        where_row = (2 * at[:, None, None] + np.arange(2)[:, None]) + np.zeros((1, 1, 2), dtype=int)
+        rows = np.concatenate([where_row.ravel()] * 2)
+        columns = np.concatenate([
+            (2 * k[:, None, None] + np.zeros((2, 1), dtype=int) + np.arange(2)).ravel()
+            for k in (at, before)])
+        values = np.concatenate([two.ravel(), one.ravel()])
+        if size <= MOST_DENSE:
+            from scipy.linalg import lu_factor, lu_solve
+
+            matrix = np.zeros((size, size))
+            np.add.at(matrix, (rows, columns), values)
+            matrix[:-1, -1], matrix[-1] = by_value, row
+            with np.errstate(all="ignore"):
+                factors = lu_factor(matrix, check_finite=False)
+            self._solve: Any = lambda right: lu_solve(factors, right, check_finite=False)
+        else:
+            from scipy.sparse import coo_matrix, vstack
+            from scipy.sparse.linalg import splu
+
+            last = np.full(2 * n, 2 * n)
+            top = coo_matrix((np.append(values, by_value), (
+                np.append(rows, np.arange(2 * n)), np.append(columns, last))),
+                shape=(2 * n, size))
+            try:
+                factors = splu(vstack([top, row[None]]).tocsc())
+            except RuntimeError as error:
+                raise NotCorrected(str(error)) from None
+            self._solve = factors.solve
+
+    def solve(self, right: NDArray[Any]) -> NDArray[Any]:
+        """Solution; NotCorrected where there is none."""
+        with np.errstate(all="ignore"):
+            found: NDArray[Any] = self._solve(right)
+        if not np.all(np.isfinite(found)):
+            raise NotCorrected("singular equations")
+        return found
+
+
+def corrected(problem: Problem, layout: Layout, z: NDArray[Any], row: NDArray[Any],
+              most: int = MOST_CORRECTIONS) -> tuple[NDArray[Any], int]:
+    """Newton's method from z onto the curve, in the plane through z that `row` is normal to.
+
+    Returns
+    -------
+    z and how many corrections it took
+
+    Raises
+    ------
+    NotCorrected
+    """
+    before = math.inf
+    best = z
+    by_value = np.empty(0)
+    for count in range(most):
+        found, one, two = problem.by_events(layout, z)
+        # Near the curve it no longer changes.
+        if before > 1e-3:
+            by_value = problem.by_value(layout, z)
+        if not np.all(np.isfinite(found)):
+            raise NotCorrected("not finite")
+        step = Bordered(one, two, by_value, row).solve(np.append(-found, 0.0))
+        size = float(np.max(np.abs(step)))
+        if size > 10.0:
+            raise NotCorrected("far away")
+        if size >= 0.5 * before and before < CLOSE:
+            return best, count
+        z = z + step
+        best, before = z, size
+        if size < DONE:
+            return z, count
+    if before < CLOSE:
+        return z, most
+    raise NotCorrected(f"still off by {before:.1e}")
+
+
+def tangent_at(problem: Problem, layout: Layout, z: NDArray[Any],
+               along: NDArray[Any]) -> NDArray[Any]:
+    """Unit tangent whose product with `along` is positive."""
+    _, one, two, by_value = problem.linear(layout, z)
+    weights = problem.weights(layout)
+    bordered = Bordered(one, two, by_value, weights * along)
+    tangent = bordered.solve(np.append(np.zeros(2 * layout.n), 1.0))
+    return tangent / math.sqrt(float(weights @ tangent**2))
+
+
+def at_value(problem: Problem, layout: Layout, z: NDArray[Any]) -> NDArray[Any]:
+    """Newton's method at the parameter of z."""
+    row = np.zeros(len(z))
+    row[-1] = 1.0
+    return corrected(problem, layout, z, row, 30)[0]
+
+
+def monodromy(problem: Problem, layout: Layout, z: NDArray[Any]) -> tuple[float, float, int]:
+    """Trace and determinant of the map of a deviation once round, and its rank.
+
+    A deviation of phase and speed of an event is one of the state by a change of variables, so that
+    the multipliers are those of the map from cycle to cycle.
+    """
+    _, one, two = problem.by_events(layout, z)
+    total, log_det, sign, rank, exponent = np.eye(2), 0.0, 1.0, 2, 0
+    for before, here in zip(one, two, strict=True):
+        det = here[0, 0] * here[1, 1] - here[0, 1] * here[1, 0]
+        if det == 0:
+            return math.nan, math.nan, rank
+        upper = before[0, 0] * before[1, 1] - before[0, 1] * before[1, 0]
+        inverse = np.array([[here[1, 1], -here[0, 1]], [-here[1, 0], here[0, 0]]]) / det
+        total = -inverse @ before @ total
+        size = float(np.abs(total).max())
+        if size == 0:
+            return 0.0, 0.0, 0
+        shift = math.frexp(size)[1]
+        total, exponent = np.ldexp(total, -shift), exponent + shift
+        if upper == 0:
+            rank = 1
+        else:
+            log_det += math.log(abs(upper / det))
+            sign *= math.copysign(1.0, upper / det)
+    trace = float(np.trace(total)) * 2.0**exponent
+    return trace, sign * math.exp(log_det) if rank == 2 else 0.0, rank
+
+
+def flipped(problem: Problem, place: Place) -> NDArray[Any]:
+    """The deviation that changes its sign once round, where a multiplier is -1: array (2n,)."""
+    _, one, two = problem.by_events(place.layout, place.z)
+    one[0] *= -1
+    # Any border makes the matrix regular; what it solves for turns into the direction that is lost.
+    row = np.full(2 * len(one) + 1, 0.3) + 0.1 * np.cos(np.arange(2 * len(one) + 1))
+    column = row[:-1]
+    found = np.empty(0)
+    for _ in range(3):
+        right = np.zeros(len(row))
+        right[-1] = 1.0
+        found = Bordered(one, two, column, row).solve(right)
+        row = found / np.max(np.abs(found))
+    flip: NDArray[Any] = found[:-1] / np.max(np.abs(found[:-1]))
+    return flip
+
+
+def multipliers_of(trace: float, det: float) -> NDArray[Any]:
+    """Both multipliers, the larger magnitude first: complex array (2,)."""
+    if not math.isfinite(trace):
+        return np.full(2, complex(math.nan))
+    half = 0.5 * trace
+    square = half * half - det
+    if square < 0:
+        root = math.sqrt(-square)
+        return np.array([complex(half, root), complex(half, -root)])
+    first = half + math.copysign(math.sqrt(square), half)
+    return np.array([first, det / first if first else 0.0], dtype=complex)

@@ -1,0 +1,232 @@
+"""Branches of periodic motions by pseudo-arclength continuation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lapwing.base import arguments
+from lapwing.base.codes import MotionState, Status
+from lapwing.engine import TrajectoryCall, Wanted
+from lapwing.model.oscillator import Oscillator
+from lapwing.studies.branch.beyond import beyond
+from lapwing.studies.branch.motion.curve import NotCorrected, Place, Problem, at_value, flipped
+from lapwing.studies.branch.motion.flank_motion import Motions
+from lapwing.studies.branch.motion.layout import of_log
+from lapwing.studies.branch.motion.witness import NUMERICS, states_at
+from lapwing.studies.branch.special import Kind, Outcome, Point, Special
+from lapwing.studies.branch.trace import Follower, Path, follow
+from lapwing.studies.orbit import NoOrbit, Orbit, find_orbit
+
+NUMBERS = ("force", "mesh_frequency_ratio", "damping_ratio", "restitution", "backlash",
+           "gear_ratio")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Branch:
+    """A branch of periodic motions, from one end to the other.
+
+    Attributes
+    ----------
+    points : tuple of Point
+    specials : tuple of Special, in the order of the branch, both ends among them
+    positions : tuple of int, number of the point that each special point follows; -1: the first
+        end
+    cycles : int, mesh cycles after which its motions repeat
+    """
+
+    points: tuple[Point, ...]
+    specials: tuple[Special, ...]
+    positions: tuple[int, ...]
+    cycles: int
+    follower: Follower
+
+    def __repr__(self) -> str:
+        low, high = min(self.values), max(self.values)
+        return (f"<Branch of {len(self.points)} points, {self.cycles} mesh cycles, {low:.6g} to "
+                f"{high:.6g}, {len(self.specials)} special points>")
+
+    @property
+    def values(self) -> NDArray[Any]:
+        """Parameter at each point, array (n,)."""
+        return np.array([point.value for point in self.points])
+
+    @property
+    def stable(self) -> NDArray[Any]:
+        """Whether each point is stable, array (n,) of bool."""
+        return np.array([point.stable for point in self.points])
+
+    def state(self, point: Point | Special) -> tuple[MotionState, float, float]:
+        """Motion state, φ (rad) and φ' (rad per τ) at phase 0, a start for `simulate`."""
+        place = point.place
+        found = states_at(self.follower.problem, place.layout, place.z, np.zeros(1))
+        return MotionState(int(found[0][0])), float(found[1][0]), float(found[2][0])
+
+    def orbit(self, point: Point | Special) -> Orbit:
+        """The motion at a point as `find_orbit` has it, with the engine's own multipliers.
+
+        Raises
+        ------
+        NoOrbit
+            as `find_orbit`.
+        """
+        return find_orbit(self.follower.problem.oscillator(point.value), self.state(point),
+                          point.place.layout.cycles)
+
+    def at(self, value: float) -> tuple[Point, ...]:
+        """The branch at one value of the parameter: a point for each time that it passes it."""
+        found = []
+        for one, two in pairwise(self.points):
+            near = one if abs(one.value - value) < abs(two.value - value) else two
+            if (one.value - value) * (two.value - value) <= 0 and one.value != value:
+                place = near.place
+                z = place.z.copy()
+                z[-1] = value / self.follower.problem.unit
+                try:
+                    z = at_value(self.follower.problem, place.layout, z)
+                    found.append(self.follower.point(Place(place.layout, z, place.tangent)))
+                except NotCorrected:
+                    continue
+        return tuple(found)
+
+    def switched(self, special: Special, points: int = 2000) -> Branch:
+        """The branch of twice the period that leaves this one at a period doubling.
+
+        Raises
+        ------
+        ValueError
+            for any other special point.
+        """
+        if special.kind is not Kind.PERIOD_DOUBLING or special.outcome is Outcome.ENDS:
+            raise ValueError(arguments.wrong("special", special, "a period doubling on the way"))
+        problem, place = self.follower.problem, special.place
+        pieces = problem.motions.of(problem.oscillator(special.value)).pieces
+        layout, flip = place.layout.twice(pieces), flipped(problem, place)
+        later = place.z[:-1].copy()
+        later[::2] += place.layout.cycles
+        z = np.concatenate([place.z[:-1], later, place.z[-1:]])
+        along = np.concatenate([flip, -flip, [0.0]])
+        along /= math.sqrt(float(problem.weights(layout) @ along**2))
+        self.follower.births.clear()
+        path = follow(self.follower, Place(layout, z, along), points, beyond, critical=True)
+        begun = replace(special, outcome=Outcome.ENDS, words="leaves the branch of half its period",
+                        place=Place(layout, z, along))
+        return _joined(self.follower, path, begun)
+
+    def of_kind(self, kind: Kind) -> tuple[Special, ...]:
+        """Special points of one kind."""
+        return tuple(one for one in self.specials if one.kind is kind)
+
+
+def branch(orbit: Orbit, parameter: str | Callable[[float], Oscillator], *, low: float,
+           high: float, value: float | None = None, points: int = 2000) -> Branch:
+    """Follow a periodic motion both ways in a parameter, stable or not, through its folds.
+
+    Parameters
+    ----------
+    orbit : Orbit
+    parameter : str, a number of the oscillator, or 'brake_torque' (N·m, at the balance of drive
+        torque); or a callable(value) giving an Oscillator
+    low, high : float, range of the parameter
+    value : float, of the parameter at the orbit; with a callable only
+    points : int, the most points either way
+
+    Returns
+    -------
+    Branch
+
+    Raises
+    ------
+    TypeError, ValueError
+        for a refused argument.
+    NoOrbit
+        where the orbit is none at that value, or has no events.
+    """
+    arguments.instance("orbit", orbit, Orbit)
+    low, high = arguments.real("low", low), arguments.real("high", high)
+    points = arguments.whole("points", points, 1, 1_000_000)
+    if not low < high:
+        raise ValueError(f"low = {low:g} must be below high = {high:g}")
+    make, value = _varied(orbit.oscillator, parameter, value)
+    if not low <= value <= high:
+        raise ValueError(f"the orbit's own value, {value:g}, lies outside of {low:g} to {high:g}")
+    problem = Problem(make, Motions(), make(value).angle_scale, high - low)
+    osc = make(value)
+    gap = osc.gap_width if math.isfinite(osc.gap_width) else osc.backlash
+    return both_ways(Follower(problem, low, high, gap), *begun(problem, orbit, value), points)
+
+
+def begun(problem: Problem, orbit: Orbit, value: float) -> tuple[Any, NDArray[Any]]:
+    """Layout and unknowns of an orbit; NoOrbit where it is none."""
+    osc = problem.make(value)
+    call = TrajectoryCall(osc, (float(orbit.state[0]), *orbit.state[1:], 0.0), numerics=NUMERICS,
+                          wanted=Wanted(events=True))
+    call.run((orbit.cycles, 0.0), [])
+    if call.status != Status.OK:
+        raise NoOrbit(f"the run ended with {call.status.name}")
+    layout, phase, speed = of_log(call.events, osc, problem.motions.of(osc), orbit.cycles)
+    if not layout.n:
+        raise NoOrbit("a motion without events exists at every value and has no branch to follow")
+    try:
+        return layout, at_value(problem, layout, problem.packed(phase, speed, value))
+    except NotCorrected as error:
+        raise NoOrbit(f"no periodic motion with the events of this one: {error}", value) from error
+
+
+def both_ways(follower: Follower, layout: Any, z: NDArray[Any], points: int,
+              along: NDArray[Any] | None = None) -> Branch:
+    """A branch from one of its places."""
+    if along is None:
+        along = np.zeros(len(z))
+        along[-1] = 1.0
+    start = follower.place(layout, z, along)
+    up = follow(follower, start, points, beyond)
+    if up.end.kind is Kind.CLOSED:
+        return _joined(follower, up, up.end)
+    follower.births.clear()
+    down = follow(follower, Place(layout, z, -start.tangent), points, beyond)
+    return _joined(follower, up, down.end, down)
+
+
+def _joined(follower: Follower, up: Path, begun: Special, down: Path | None = None) -> Branch:
+    """Both ways as one branch, from the end of the second to the end of the first."""
+    before = down.points[:0:-1] if down is not None else []
+    last = len(before)
+    found = [(-1, begun)]
+    if down is not None:
+        found += [(last - 1 - k, one) for k, one in reversed(down.specials) if one is not down.end]
+    found += [(last + k, one) for k, one in up.specials if one is not up.end]
+    found.append((last + len(up.points) - 1, up.end))
+    return Branch((*before, *up.points), tuple(one for _, one in found),
+                  tuple(k for k, _ in found), up.points[0].place.layout.cycles, follower)
+
+
+def _varied(osc: Oscillator, parameter: Any,
+            value: float | None) -> tuple[Callable[[float], Oscillator], float]:
+    """Oscillator of each value, and the value of this one."""
+    if callable(parameter):
+        if value is None:
+            raise ValueError("value: expected is the orbit's own value beside a callable")
+        value = arguments.real("value", value)
+
+        def varied(number: float) -> Oscillator:
+            made = arguments.instance("parameter(value)", parameter(number), Oscillator)
+            return made if made.mean_rotation is None else replace(made, mean_rotation=None)
+
+        return varied, value
+    arguments.choice("parameter", parameter, (*NUMBERS, "brake_torque"))
+    if value is not None:
+        raise ValueError("value is for a callable; a named parameter has the orbit's own")
+    osc = replace(osc, mean_rotation=None)
+    if parameter != "brake_torque":
+        return (lambda number: replace(osc, **{parameter: number})), float(getattr(osc, parameter))
+    if osc.scales is None:
+        raise ValueError("parameter = 'brake_torque': the oscillator was made without a gear pair")
+    unit = osc.scales.force_per_torque
+    return (lambda torque: osc.with_force(torque * unit)), osc.force / unit
