@@ -184,8 +184,8 @@ CASES = {
     "cascade": (lw.cascade, {
         "make": make, "low": OSC.force, "high": OSC.force * 1.01, "start": STATE,
         "doublings": 1, "cycles": 1, "settle": 2}),
-    "branch": (lw.branch, {"orbit": ORBIT, "parameter": "force", "low": 0.999, "high": 1.001,
-                           "points": 3}),
+    "branch": (lw.branch, {"orbit": ORBIT, "parameter": ORBIT.oscillator.with_force,
+                           "value": 1.0, "low": 0.999, "high": 1.001, "points": 3}),
     "branches": (lw.branches, {
         "pair": PAIR, "te": TE, "parameter": "brake_torque", "low": 12.4, "high": 12.6, "seeds": 2,
         "settle": 1, "doublings": 0, "points": 2, "progress": None, "pinion_speed_rpm": 300}),
