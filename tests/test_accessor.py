@@ -95,6 +95,14 @@ def test_figures_are_methods(swept, response):
         swept.lapwing.orbit_diagram(colour="red")
 
 
+def test_figures_of_a_map_are_methods():
+    data = lapwing.parameter_map(PAIR, SHIPPED, {"pinion_speed_rpm": [200.0, 300.0],
+                                                 "brake_torque": [1.0, 5.0, 13.0]},
+                                 settle=5, record=4, threads=1)
+    assert {"map_classes", "map_depth"} <= set(data.lapwing.figures())
+    assert data.lapwing.map_classes().axes[0].get_xlabel().startswith("pinion speed")
+
+
 def test_the_time_is_a_coordinate(response):
     assert response["phi"].coords["time"].attrs["units"] == "s"
     lines = response["phi"].plot(x="time")

@@ -23,7 +23,7 @@ SPEED_UNITS = ("rad/s", "m/s")
 
 
 class LapwingAccessor:
-    """A response, a sweep or a search, with what it can show of itself.
+    """A response, a sweep, a search or a map, with what it can show of itself.
 
     Parameters
     ----------
@@ -166,8 +166,12 @@ class LapwingAccessor:
 
     def _kind(self) -> str:
         """Which kind of study it comes from; empty where that cannot be told."""
+        if "kind" in self._dataset.attrs:  # of a result file
+            return str(self._dataset.attrs["kind"])
         if "sample" in self._dataset.dims:
             return "response"
+        if "x_parameter" in self._dataset.attrs:
+            return "map"
         if "find" in self._dataset.attrs:
             return "critical"
         return "sweep" if "recorded_cycle" in self._dataset.dims else ""

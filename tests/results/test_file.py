@@ -75,7 +75,7 @@ def test_responses_read_back_equal(path, responses):
         for order, given in enumerate(responses[:2]):
             found = results.response(given.attrs["name"])
             assert dataset_bytes(found) == dataset_bytes(given)
-            assert dict(found.attrs) == {**given.attrs, "order": order}
+            assert dict(found.attrs) == {**given.attrs, "order": order, "kind": "response"}
 
 
 def test_sweeps_read_back_equal(path, swept):

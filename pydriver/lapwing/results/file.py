@@ -86,7 +86,7 @@ def write_results(path: Path, *, deck_name: str, deck_text: str, used_text: str,
     claims = _claims(found.get("response", {}).values())
     for kind in STUDIES:
         for order, (name, dataset) in enumerate(found.get(kind, {}).items()):
-            dataset = dataset.assign_attrs(name=name, order=order)
+            dataset = dataset.assign_attrs(name=name, order=order, kind=kind)
             groups[f"{kind}_{name}"] = _claimed(dataset, claims) if kind == "sweep" else dataset
     aside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     with held(), small_cache(), os_errors(path.parent):

@@ -3,7 +3,8 @@
 2   Text is characters (NC_CHAR), also in attributes, so that netCDF-Fortran reads it.  The mesh
     cycle of a sample is `sample_cycle`; `cycle` is a dimension alone.  Impacts of a sweep are one
     list, a contiguous ragged array (CF 9.3.3) whose count is `kept_impacts`; `time` is a
-    coordinate.  A sweep without claims has no variables of claims.
+    coordinate.  A sweep without claims has no variables of claims.  The first such files have no
+    `flight_depth` of events: it is read as NaN, not known.
 1   Impacts were padded, (start, parameter, impact); strings were NC_STRING.
 0   Version 0.1: as 1, without a version, checksums and interruptions.
 """
@@ -13,6 +14,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from lapwing.base.quantities import DESCRIPTIONS
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -28,6 +31,10 @@ def as_of_today(dataset: xr.Dataset, version: int) -> xr.Dataset:
     dataset : xarray.Dataset, as read
     version : int, attribute `schema_version` of the file; 0 where it has none
     """
+    if "event_kind" in dataset and "flight_depth" not in dataset:
+        units, long_name = DESCRIPTIONS["flight_depth"]
+        dataset["flight_depth"] = ("event", np.full(dataset.sizes["event"], np.nan),
+                                   {"long_name": long_name, "units": units})
     if version >= SCHEMA_VERSION:
         return dataset
     with dataset:

@@ -328,8 +328,10 @@ def _dataset(job: Job, found: _Found, interrupted: bool) -> xr.Dataset:
     for name in RATES:
         data[name] = rate_of(name, data.__getitem__, job.record)
     variables = {name: (grid.order, values) for name, values in data.items()}
+    drawn = dict(zip(("x_parameter", "y_parameter"), grid.axes, strict=True)) \
+        if len(grid.axes) == 2 else {}
     return worded(xr.Dataset(variables, dict(grid.axes), {
-        **job.about, "shards": job.shards, "interrupted": int(interrupted),
+        **job.about, **drawn, "shards": job.shards, "interrupted": int(interrupted),
         "cpus": "; ".join(sorted(found.cpus))})).transpose(*grid.axes)
 
 
