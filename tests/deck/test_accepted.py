@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lapwing import GearPair
-from lapwing.deck import load_deck
+from lapwing.deck import DeckError, load_deck
 from lapwing.deck.schema import GROUPS, STUDIES
 
 HERE = Path(__file__).parent
@@ -142,3 +142,28 @@ def test_log_ranges_and_lists(tmp_path):
     np.testing.assert_allclose(deck.sweeps[0].values, [0.01, 0.1, 1], rtol=1e-15)
     assert deck.sweeps[1].values.tolist() == [1e-3, 3e-3]
     assert deck.sweeps[1].group == "gear_pair"
+
+
+def test_the_transmission_error_is_varied_by_its_scale_or_its_amplitude(tmp_path):
+    path = tmp_path / "deck.nml"
+    path.write_text("""
+&gear_pair
+  pinion_teeth = 25, gear_teeth = 32, pinion_inertia = 0.0078, gear_inertia = 0.026
+  pinion_base_lever = 0.034, mesh_stiffness = 3.12e8, backlash = 0.002
+  restitution = 0.8, damping_ratio = 0.1
+/
+&transmission_error parabola_amplitude = 1e-4 /
+&operation brake_torque = 3, pinion_speed_rpm = 480, te_scale = 0.5 /
+&sweep name = 's', parameter = 'transmission_error.scale', values = 0.5, 1, 2 /
+&map name = 'm', x_parameter = 'parabola_amplitude', x_values = 5e-5, 2e-4, y_values = 1, 3 /
+""", encoding="utf-8")
+    deck = load_deck(path)
+    (swept,), (mapped,) = deck.studies["sweep"], deck.studies["map"]
+    assert (swept.parameter, swept.group) == ("te_scale", "operation")
+    assert "te_scale" not in swept.operation and mapped.operation["te_scale"] == 0.5
+    assert set(mapped.axes) == {"parabola_amplitude", "brake_torque"}
+    text = path.read_text(encoding="utf-8").replace("parabola_amplitude = 1e-4",
+                                                    "harmonic_amplitude = 1e-4")
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(DeckError, match="gives harmonic_amplitude; vary that, or give parabola"):
+        load_deck(path)

@@ -53,6 +53,8 @@ class OperationKeys(Group):
                                            ge=1e-4, le=1e6)
     mesh_frequency_hz: float | None = key(None, "Z1·n1, tooth passages per second", "Hz", 100.0,
                                           ge=1e-3, le=1e9)
+    te_scale: float | None = key(None, "factor of the transmission error; left out: 1", "", 1.1,
+                                 ge=-1e6, le=1e6)
 
 
 class ValueKeys(Group):
@@ -77,7 +79,15 @@ NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
 TORQUES = ("brake_torque", "drive_torque")
 SPEEDS = OperationKeys.exclusive[0]
 OPERATION = tuple(OperationKeys.model_fields)
+# What a parameter may be called besides.
+_OTHER_NAMES = {"transmission_error.scale": "te_scale"}
 RANGES = ("from", "to", "count", "spacing")
+
+
+def parameter_name(text: str) -> str:
+    """A parameter as a deck names it, in lower case, perhaps with its group before it."""
+    name = text.strip().lower()
+    return _OTHER_NAMES.get(name, name)
 
 
 class StudyKeys(Group):

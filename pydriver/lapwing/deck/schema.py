@@ -135,8 +135,9 @@ REQUIRED = ("gear_pair", "transmission_error")
 
 def numeric_parameters() -> dict[str, str]:
     """`group`, key of every real number that a sweep may vary."""
-    return {name: group for group in ("gear_pair", "operation")
-            for name, field in fields(GROUPS[group]).items() if KeyType(field).kind is float}
+    found = {name: group for group in ("gear_pair", "operation")
+             for name, field in fields(GROUPS[group]).items() if KeyType(field).kind is float}
+    return found | {"parabola_amplitude": "transmission_error"}
 
 
 __all__ = ["GROUPS", "OPERATION", "REQUIRED", "SPEEDS", "STUDIES", "KeyType", "fields",

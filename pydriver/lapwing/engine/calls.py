@@ -27,7 +27,6 @@ from lapwing.engine.records import (
     with_means,
     work_counts,
 )
-from lapwing.model.oscillator import TE_SIGNS
 
 if TYPE_CHECKING:
     from lapwing.engine.numerics import Numerics, Wanted
@@ -52,13 +51,13 @@ MOST_KEPT = 16
 
 def real_parameters(points: Any, numerics: Numerics, method: str, wanted: Wanted) -> NDArray[Any]:
     """Real parameters of each point, (n_reals, n), in the order of api/marshal.f90."""
-    osc, n = points.shared, len(points)
+    n = len(points)
     chatter_tol = numerics.chatter_tol
     if chatter_tol is None:
         chatter_tol = EXACT_CHATTER_TOL if method == "exact" else min(numerics.rtol, 1e-10)
     slowest, fastest = (wanted.speed_edges[0], wanted.speed_edges[-1]) \
         if wanted.speed_edges else (1.0, 2.0)
-    rows = (points.force, points.mesh_frequency_ratio, TE_SIGNS[osc.te_sign] * points.gear_ratio,
+    rows = (points.force, points.mesh_frequency_ratio, points.flank_scale,
             points.peak_to_peak, points.damping_ratio, points.restitution, points.backlash,
             numerics.rtol, chatter_tol, numerics.count_depth, wanted.graze_distance, slowest,
             fastest, points.mean_acceleration)

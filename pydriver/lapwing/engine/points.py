@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lapwing.model.oscillator import Oscillator
+from lapwing.model.oscillator import TE_SIGNS, Oscillator
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,13 +20,14 @@ class Points:
     ----------
     shared : Oscillator, any of them: transmission error, laws, gap and signs are those of all
     force, backlash, mean_acceleration : (n,) array, rad
-    mesh_frequency_ratio, gear_ratio, damping_ratio, restitution : (n,) array
+    mesh_frequency_ratio, gear_ratio, te_scale, damping_ratio, restitution : (n,) array
     """
 
     shared: Oscillator
     force: NDArray[np.float64]
     mesh_frequency_ratio: NDArray[np.float64]
     gear_ratio: NDArray[np.float64]
+    te_scale: NDArray[np.float64]
     damping_ratio: NDArray[np.float64]
     restitution: NDArray[np.float64]
     backlash: NDArray[np.float64]
@@ -72,7 +73,12 @@ class Points:
     def peak_to_peak(self) -> NDArray[np.float64]:
         """Greatest less least g, rad; as of the oscillators one by one."""
         low, high = self.shared.te.extrema
-        return np.abs(self.gear_ratio * high - self.gear_ratio * low)
+        return np.abs(self.flank_scale * high - self.flank_scale * low)
+
+    @property
+    def flank_scale(self) -> NDArray[np.float64]:
+        """`Oscillator.flank_scale` of each."""
+        return TE_SIGNS[self.shared.te_sign] * self.gear_ratio * self.te_scale
 
 
 NUMBERS = tuple(field.name for field in fields(Points) if field.name != "shared")

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from lapwing.base import arguments
 from lapwing.base.arguments import LEAST, MOST, Refusals
@@ -119,7 +122,8 @@ class GearPair:
     @property
     def natural_frequency(self) -> float:
         """ω' = √(k/J), rad/s."""
-        return math.sqrt(self.torsional_stiffness / self.equivalent_inertia)
+        frequency: float = _root(self.torsional_stiffness / self.equivalent_inertia)
+        return frequency
 
     @property
     def xi(self) -> float:
@@ -127,7 +131,7 @@ class GearPair:
         if self.damping_ratio is not None:
             return self.damping_ratio
         assert self.mesh_damping is not None  # exactly one of the two is given
-        critical = 2 * math.sqrt(self.equivalent_inertia * self.torsional_stiffness)
+        critical: float = 2 * _root(self.equivalent_inertia * self.torsional_stiffness)
         return self.mesh_damping * self.pinion_base_lever**2 / critical
 
     @property
@@ -161,7 +165,7 @@ class GearPair:
                    pinion_speed_rad_s: float | None = None, mesh_frequency_hz: float | None = None,
                    contact_law: str = "restitution", impact_law: str = "relative",
                    gap: str = "one_sided", back_flank_te: bool = True, te_sign: str = "printed",
-                   degrees_of_freedom: int = 1) -> Oscillator:
+                   te_scale: float = 1.0, degrees_of_freedom: int = 1) -> Oscillator:
         """Reduce to the dimensionless oscillator; F as in `force`, Ω = Z1·n1/ω'.
 
         Parameters
@@ -170,7 +174,7 @@ class GearPair:
         brake_torque : float, N·m; mean, on the gear
         drive_torque : float, N·m; mean, on the pinion; default: balance
         pinion_speed_rpm, pinion_speed_rad_s, mesh_frequency_hz : exactly one, > 0
-        contact_law, impact_law, gap, back_flank_te, te_sign : see `Oscillator`
+        contact_law, impact_law, gap, back_flank_te, te_sign, te_scale : see `Oscillator`
         degrees_of_freedom : 1, the relative angle; 2: the mean rotation too, which any other drive
             torque than the balance makes drift (docs/model.md, section 11)
 
@@ -193,7 +197,7 @@ class GearPair:
                 te, force=force, mesh_frequency_ratio=ratio, gear_ratio=self.gear_ratio,
                 damping_ratio=self.xi, restitution=self.restitution, backlash=self.backlash,
                 contact_law=contact_law, impact_law=impact_law, gap=gap,
-                back_flank_te=back_flank_te, te_sign=te_sign,
+                back_flank_te=back_flank_te, te_sign=te_sign, te_scale=te_scale,
                 mean_rotation=self._mean_rotation(ratio, brake_torque, drive_torque)
                 if degrees == 2 and not problems else None,
                 scales=Scales(self.natural_frequency, self.force_per_torque),
@@ -222,7 +226,33 @@ class GearPair:
         return float(frequency_at(self, **speeds))
 
 
-def force_at(pair: GearPair, brake_torque: Any, drive_torque: Any = None) -> Any:
+class Pairs:
+    """Derived numbers of many gear pairs at once, by the same formulas.
+
+    Parameters
+    ----------
+    pair : GearPair, whose numbers those are that are not varied
+    varied : name -> array (n,), numbers of each pair, known to be what `GearPair` accepts
+    """
+
+    def __init__(self, pair: GearPair, varied: Mapping[str, Any]) -> None:
+        vars(self).update({**asdict(pair), **varied})
+
+    gear_ratio = GearPair.gear_ratio
+    equivalent_inertia = GearPair.equivalent_inertia
+    total_inertia = GearPair.total_inertia
+    torsional_stiffness = GearPair.torsional_stiffness
+    natural_frequency = GearPair.natural_frequency
+    xi = GearPair.xi
+    force_per_torque = GearPair.force_per_torque
+
+
+def _root(value: Any) -> Any:
+    """Square root of a number, or of each."""
+    return math.sqrt(value) if isinstance(value, float) else np.sqrt(value)
+
+
+def force_at(pair: Any, brake_torque: Any, drive_torque: Any = None) -> Any:
     """`GearPair.force` of numbers or arrays that are known to be finite."""
     if drive_torque is None:
         return pair.force_per_torque * brake_torque
@@ -230,7 +260,7 @@ def force_at(pair: GearPair, brake_torque: Any, drive_torque: Any = None) -> Any
     return (gear + drive_torque / pair.pinion_inertia) / pair.natural_frequency**2
 
 
-def frequency_at(pair: GearPair, pinion_speed_rpm: Any = None, pinion_speed_rad_s: Any = None,
+def frequency_at(pair: Any, pinion_speed_rpm: Any = None, pinion_speed_rad_s: Any = None,
                  mesh_frequency_hz: Any = None) -> Any:
     """`GearPair.mesh_frequency` of one number or array known to be above 0."""
     if mesh_frequency_hz is not None:

@@ -125,6 +125,7 @@ class Oscillator:
     gap : 'one_sided', 'symmetric' or 'one_flank'
     back_flank_te : bool; False: the coast flank stands still at θ = -gap_width
     te_sign : 'printed' (g = +i12·Δφ) or 'geometric' (g = -i12·Δφ)
+    te_scale : float; factor of the transmission error: Δφ is te_scale times `te`
     scales : Scales or None
     mean_rotation : MeanRotation or None; with it there are two degrees of freedom (no 'rigid' law)
     load : Load or None, the torques behind `force`; of another force they say nothing
@@ -147,17 +148,20 @@ class Oscillator:
     gap: str = "one_sided"
     back_flank_te: bool = True
     te_sign: str = "printed"
+    te_scale: float = 1.0
     scales: Scales | None = None
     mean_rotation: MeanRotation | None = None
     load: Load | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         problems = number_problems(
-            self, finite=("force",), positive=("mesh_frequency_ratio", "gear_ratio", "backlash"),
+            self, finite=("force", "te_scale"),
+            positive=("mesh_frequency_ratio", "gear_ratio", "backlash"),
             not_negative=("damping_ratio",), unit_interval=("restitution",))
         problems += self._choice_problems()
-        if not problems and not self.gear_ratio * self.te.magnitude <= MOST:
-            problems = [f"gear_ratio times the transmission error is beyond {MOST:g} rad"]
+        if not problems and not abs(self.flank_scale) * self.te.magnitude <= MOST:
+            problems = [("te_scale times " if self.te_scale != 1 else "")
+                        + f"gear_ratio times the transmission error is beyond {MOST:g} rad"]
         if not problems:
             problems = self._flank_problems()
         if problems:
@@ -231,8 +235,8 @@ class Oscillator:
 
     @property
     def flank_scale(self) -> float:
-        """±i12, so that g = flank_scale·Δφ."""
-        return TE_SIGNS[self.te_sign] * self.gear_ratio
+        """±i12·te_scale, so that g is flank_scale times `te`."""
+        return TE_SIGNS[self.te_sign] * self.gear_ratio * self.te_scale
 
     @property
     def flank_extrema(self) -> tuple[float, float]:
@@ -251,7 +255,7 @@ class Oscillator:
 
         With neither force nor transmission error nothing but θ0 is left.
         """
-        motion = max(abs(self.force), self.gear_ratio * self.te.peak_to_peak)
+        motion = max(abs(self.force), abs(self.flank_scale) * self.te.peak_to_peak)
         return min(self.backlash, motion) if motion > 0 else self.backlash
 
     @cached_property

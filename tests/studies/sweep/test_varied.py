@@ -9,7 +9,7 @@ from lapwing.deck.schema import numeric_parameters
 from lapwing.engine import Points
 from lapwing.engine.points import NUMBERS
 from lapwing.studies.period import LABELS, find_period, motion_class
-from lapwing.studies.sweep.varied import Varied, oscillator_at, parameters
+from lapwing.studies.sweep.varied import Varied, moved_to, oscillator_at, parameters, points_at
 
 TE = TransmissionError.harmonic([5e-5])
 PAIR = GearPair(pinion_teeth=25, gear_teeth=32, pinion_inertia=0.0078, gear_inertia=0.026,
@@ -22,7 +22,7 @@ SPEEDS = np.random.default_rng(6).uniform(1, 3000, 50)
 @pytest.mark.parametrize("drive_torque", [None, 3.7])
 @pytest.mark.parametrize("parameter", ["brake_torque", "drive_torque", "pinion_speed_rpm",
                                        "pinion_speed_rad_s", "mesh_frequency_hz", "backlash",
-                                       "mesh_stiffness"])
+                                       "mesh_stiffness", "te_scale"])
 @pytest.mark.parametrize("degrees", [1, 2])
 def test_numbers_are_those_of_each_oscillator(parameter, drive_torque, degrees):
     values = TORQUES if parameter.endswith("torque") else SPEEDS
@@ -33,8 +33,57 @@ def test_numbers_are_those_of_each_oscillator(parameter, drive_torque, degrees):
     found = Varied(PAIR, TE, parameter, values, operation).points
     expected = Points.of([oscillator_at(PAIR, TE, parameter, value, operation)
                           for value in values])
-    for name in (*NUMBERS, "peak_to_peak"):
+    for name in (*NUMBERS, "peak_to_peak", "flank_scale"):
         assert getattr(found, name).tobytes() == getattr(expected, name).tobytes()
+
+
+@pytest.mark.parametrize("given", [
+    {"te_scale": [0.5, 1.0, -2.0], "backlash": [1e-3, 2e-3, 3e-3]},
+    {"drive_torque": [1.0, 2.0, 3.0], "mesh_stiffness": [1e8, 2e8, 3e8],
+     "pinion_inertia": [1e-3, 2e-3, 3e-3]},
+    {"mesh_frequency_hz": [90.0, 95.0, 99.0], "mesh_damping": [10.0, 20.0, 30.0],
+     "restitution": [0.1, 0.5, 0.9], "pinion_base_lever": [0.03, 0.04, 0.05]},
+    {"parabola_amplitude": [1e-5, 2e-5, -3e-5], "brake_torque": [1.0, 2.0, 3.0]}])
+@pytest.mark.parametrize("degrees", [1, 2])
+def test_numbers_of_several_parameters_are_those_of_each_oscillator(given, degrees):
+    te = TransmissionError.parabola(4e-5)
+    operation = {"brake_torque": 4.4, "mesh_frequency_hz": 100.0, "degrees_of_freedom": degrees}
+    values = {name: np.array(one) for name, one in given.items()}
+    found = points_at(PAIR, te, values, operation)
+    one_by_one = []
+    for i in range(3):
+        pair, at = PAIR, operation
+        for name, array in values.items():
+            pair, at = moved_to(pair, te, name, array[i], at)
+        one_by_one.append(pair.oscillator(te, **at))
+    expected = Points.of(one_by_one)
+    for name in (*NUMBERS, "peak_to_peak", "flank_scale"):
+        # A square of many numbers at once may differ in its last bit.
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-15)
+
+
+def test_a_scaled_transmission_error_is_another_transmission_error():
+    scaled = sweep(PAIR, TE, parameter="te_scale", values=[0.5, 1.0, 2.0], starts=("rest", "up"),
+                   brake_torque=3.0, mesh_frequency_hz=400.0, settle=50, record=20)
+    for factor in scaled["te_scale"].values:
+        one = sweep(PAIR, float(factor) * TE, values=[3.0], starts=("rest",), settle=50,
+                    mesh_frequency_hz=400.0, record=20)
+        at = scaled.sel(te_scale=factor, start="rest")
+        # By powers of two nothing is rounded.
+        for name in ("deepest_separation", "impacts", "phi"):
+            assert np.array_equal(at[name].values, one[name].values[0, 0], equal_nan=True)
+    assert len(set(scaled["deepest_separation"].values[0, :, -1])) == 3
+
+
+def test_an_amplitude_is_that_of_a_parabola():
+    te = TransmissionError.parabola(1e-4)
+    found = oscillator_at(PAIR, te, "parabola_amplitude", 5e-5,
+                          {"brake_torque": 1.0, "mesh_frequency_hz": 90.0})
+    assert found.te_scale == 0.5 and found.flank_scale == 0.5 * PAIR.gear_ratio
+    for other in (TE, TransmissionError.parabola(0.0)):
+        with pytest.raises(ValueError, match="parabola_amplitude goes with"):
+            oscillator_at(PAIR, other, "parabola_amplitude", 5e-5,
+                          {"brake_torque": 1.0, "mesh_frequency_hz": 90.0})
 
 
 def test_every_parameter_is_one_of_the_functions_that_vary_it():

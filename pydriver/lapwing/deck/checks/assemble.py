@@ -217,6 +217,8 @@ class Studies:
             **_given(settings["operation"], schema.OPERATION),
             **settings["scene"].model_dump(),
             "te_sign": settings["transmission_error"].te_sign}
+        curve = settings["transmission_error"]
+        self.parabola = curve and curve.parabola_amplitude
         self.ready = not self._refused and pair is not None and table is not None
         self._te: Any = self._table(table) if self.ready and table is not None else None
 
@@ -300,6 +302,10 @@ class Studies:
                     self.report.add(place, f"parameter = {name!r}, but &{reader_name} gives "
                                             f"{others[0]}; vary that, or give {bare} instead")
                     return None
+        if bare == "parabola_amplitude" and not self.parabola:
+            self.report.add(place, f"parameter = {name!r} goes with a parabola_amplitude in "
+                                   "&transmission_error that is not 0")
+            return None
         return known[bare]
 
     def check_values(self, reader: _GroupReader, name: str, group: str,
@@ -326,6 +332,8 @@ class Studies:
             for (name, (group, _)), value in zip(varied.items(), map(float, ends), strict=True):
                 if group == "operation":
                     at = {**at, name: value}
+                elif name == "parabola_amplitude":
+                    at = {**at, "te_scale": at.get("te_scale", 1.0) * value / self.parabola}
                 elif self.report.refusals:
                     return
                 else:

@@ -18,6 +18,7 @@ from lapwing.deck.declare import (
     StudyKeys,
     ValueKeys,
     key,
+    parameter_name,
 )
 
 if TYPE_CHECKING:
@@ -87,7 +88,7 @@ class CriticalKeys(OperationKeys, ValueKeys, StudyKeys):
         """See `StudyKeys`: the keys that go together, the values, oscillators at both ends."""
         if not builder.ready:
             return None
-        report, name = builder.report, self.parameter.strip().lower()
+        report, name = builder.report, parameter_name(self.parameter)
         group = builder.parameter(reader, name)
         name = name.rpartition(".")[2]
         if group is None:

@@ -9,7 +9,7 @@ from pydantic import Field
 from lapwing.base import estimates
 from lapwing.deck.checks.ranges import range_values
 from lapwing.deck.deck import Asked
-from lapwing.deck.declare import NAME_PATTERN, StudyKeys, key
+from lapwing.deck.declare import NAME_PATTERN, StudyKeys, key, parameter_name
 
 if TYPE_CHECKING:
     from lapwing.deck.checks.assemble import Studies
@@ -78,7 +78,7 @@ class MapKeys(StudyKeys):
         axes = {}
         for side in "xy":
             axis: Any = _Axis(reader, side)
-            name = axis.keys.parameter.strip().lower()
+            name = parameter_name(axis.keys.parameter)
             group = builder.parameter(axis, name)
             values = range_values(axis, cast("Report", _Said(report, side)))
             if group is not None and values is not None:

@@ -8,7 +8,7 @@ from lapwing.base import estimates
 from lapwing.deck.checks.magnitudes import warn_of_order, warn_of_torques
 from lapwing.deck.checks.ranges import range_values
 from lapwing.deck.deck import Asked
-from lapwing.deck.declare import NAME_PATTERN, RANGES, StudyKeys, ValueKeys, key
+from lapwing.deck.declare import NAME_PATTERN, RANGES, StudyKeys, ValueKeys, key, parameter_name
 
 if TYPE_CHECKING:
     from lapwing.deck.checks.assemble import Studies
@@ -47,7 +47,7 @@ class SweepKeys(ValueKeys, StudyKeys):
 
     def build(self, builder: Studies, reader: _GroupReader) -> Asked | None:
         """See `StudyKeys`: the values, and oscillators at both ends of them."""
-        report, name = builder.report, self.parameter.strip().lower()
+        report, name = builder.report, parameter_name(self.parameter)
         group = builder.parameter(reader, name)
         values = range_values(reader, report)
         if group is None or values is None:

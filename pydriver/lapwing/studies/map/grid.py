@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lapwing.engine import Points
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.transmission_error import TransmissionError
-from lapwing.studies.sweep.varied import OF_PAIR, Varied
+from lapwing.studies.sweep.varied import OF_PAIR, points_at
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,31 +58,11 @@ class Grid:
         return self.shape[-1]
 
     def points(self, first: int, stop: int) -> Points:
-        """Oscillators' numbers of the runs from `first` up to `stop`.
-
-        Raises
-        ------
-        ParameterError
-            (a ValueError) of the first oscillator that is refused.
-        """
-        parts = []
-        while first < stop:
-            line, at = divmod(first, self.length)
-            until = min(self.length, at + stop - first)
-            pair, operation = self._at_line(line)
-            parts.append(Varied(pair, self.te, self.line, self.axes[self.line][at:until],
-                                operation).points)
-            first += until - at
-        return Points.joined(parts)
-
-    def _at_line(self, line: int) -> tuple[GearPair, dict[str, Any]]:
-        """Pair and operation of a line of runs."""
-        where = np.unravel_index(line, self.shape[:-1]) if len(self.shape) > 1 else ()
-        given = {name: float(self.axes[name][i])
-                 for name, i in zip(self.order, where, strict=False)}
-        ours: dict[str, Any] = {name: value for name, value in given.items() if name in OF_PAIR}
-        others = {name: value for name, value in given.items() if name not in OF_PAIR}
-        return replace(self.pair, **ours), {**self.operation, **others}
+        """Oscillators' numbers of the runs from `first` up to `stop`, all at once."""
+        at = np.unravel_index(np.arange(first, stop), self.shape)
+        return points_at(self.pair, self.te, {
+            name: self.axes[name][places] for name, places in zip(self.order, at, strict=True)},
+            self.operation)
 
 
 def fastest_axis(axes: Mapping[str, Any]) -> str:

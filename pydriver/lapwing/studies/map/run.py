@@ -6,7 +6,7 @@ import contextlib
 import threading
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
-from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +32,7 @@ from lapwing.studies.map.shards import (
     rate_of,
     shard_size,
 )
-from lapwing.studies.sweep.varied import parameters
+from lapwing.studies.sweep.varied import moved_to, oscillator_at, parameters
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -188,10 +188,16 @@ def job_of(pair: GearPair, te: TransmissionError, axes: Any, *, line: str | None
 
 def _check_corners(grid: Grid) -> None:
     """Refuse what is refused at a corner, where parameters are extreme together."""
-    ends = replace(grid, axes={name: values[[0, -1]] for name, values in grid.axes.items()})
-    points = ends.points(0, ends.runs)
-    if points.shared.gap == "one_flank" and np.any(points.force < 0):
-        raise ValueError("parameter_map: rest with a negative force needs a coast flank to rest on")
+    for corner in product(*(sorted({float(values[0]), float(values[-1])})
+                            for values in grid.axes.values())):
+        *others, (last, value) = zip(grid.axes, corner, strict=True)
+        pair, operation = grid.pair, dict(grid.operation)
+        for name, number in others:
+            pair, operation = moved_to(pair, grid.te, name, number, operation)
+        oscillator = oscillator_at(pair, grid.te, last, value, operation)
+        if oscillator.gap == "one_flank" and oscillator.force < 0:
+            raise ValueError("parameter_map: rest with a negative force needs a coast flank to "
+                             "rest on")
 
 
 class _Found:

@@ -7,10 +7,11 @@ from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.arguments import LEAST, MOST
 from lapwing.engine import Points
-from lapwing.model.gear_pair import GearPair, force_at, frequency_at
+from lapwing.model.gear_pair import GearPair, Pairs, force_at, frequency_at
 from lapwing.model.oscillator import Oscillator
 
 if TYPE_CHECKING:
@@ -18,26 +19,95 @@ if TYPE_CHECKING:
 
 TORQUES = ("brake_torque", "drive_torque")
 SPEEDS = ("pinion_speed_rpm", "pinion_speed_rad_s", "mesh_frequency_hz")
+# Factors of the transmission error, one of them in the words of a parabola.
+OF_CURVE = ("te_scale", "parabola_amplitude")
 # Numbers of the pair itself, teeth apart: they are counted.
 OF_PAIR = tuple(field.name for field in fields(GearPair) if not field.name.endswith("_teeth"))
 
 
 def parameters() -> tuple[str, ...]:
-    """Names of the numbers that may be varied: of the pair, of its operating point."""
-    return (*OF_PAIR, *TORQUES, *SPEEDS)
+    """Names of the numbers that may be varied: of the pair, its operating point, the curve."""
+    return (*OF_PAIR, *TORQUES, *SPEEDS, *OF_CURVE)
 
 
 def oscillator_at(pair: GearPair, te: TransmissionError, parameter: str, value: float,
                   operation: Mapping[str, Any]) -> Oscillator:
     """Oscillator of one value of the parameter; `operation` holds the other arguments."""
+    pair, operation = moved_to(pair, te, parameter, value, operation)
+    return pair.oscillator(te, **operation)
+
+
+def moved_to(pair: GearPair, te: TransmissionError, parameter: str, value: float,
+             operation: Mapping[str, Any]) -> tuple[GearPair, dict[str, Any]]:
+    """Pair and operation with another value of a parameter."""
     if parameter in OF_PAIR:
         changed: dict[str, Any] = {parameter: float(value)}
-        return replace(pair, **changed).oscillator(te, **operation)
-    return pair.oscillator(te, **{**operation, parameter: float(value)})
+        return replace(pair, **changed), dict(operation)
+    name, factor = _in_operation(te, parameter, operation)
+    return pair, {**operation, name: factor * float(value)}
+
+
+def _in_operation(te: TransmissionError, parameter: str,
+                  operation: Mapping[str, Any]) -> tuple[str, float]:
+    """What a parameter that is none of the pair's is called in its operation, and its unit there.
+
+    Raises
+    ------
+    ValueError
+        for parabola_amplitude where the transmission error is no parabola.
+    """
+    if parameter != "parabola_amplitude":
+        return parameter, 1.0
+    amplitude = float(-te.coefficients[0, 0])
+    parabola = type(te).parabola(amplitude)
+    if not amplitude or not all(np.array_equal(getattr(te, name), getattr(parabola, name))
+                                for name in ("knots", "coefficients", "kinks", "harmonics")):
+        raise ValueError("parabola_amplitude goes with TransmissionError.parabola(amplitude), "
+                         "amplitude not 0, alone")
+    return "te_scale", float(operation.get("te_scale", 1.0)) / amplitude
+
+
+def points_at(pair: GearPair, te: TransmissionError, values: Mapping[str, NDArray[np.float64]],
+              operation: Mapping[str, Any]) -> Points:
+    """Numbers of many oscillators that differ in several parameters.
+
+    Parameters
+    ----------
+    pair, te, operation : what they share
+    values : parameter -> array (n,), n > 0; of each, least and greatest together are known to be
+        accepted by `oscillator_at`
+    """
+    own = {name: array for name, array in values.items() if name in OF_PAIR}
+    at: dict[str, Any] = dict(operation)
+    for name, array in values.items():
+        if name not in OF_PAIR:
+            key, factor = _in_operation(te, name, at)
+            at[key] = factor * array if factor != 1.0 else array
+    first: dict[str, Any] = {name: float(array[0]) for name, array in own.items()}
+    one: dict[str, Any] = {name: float(value[0]) if isinstance(value, np.ndarray) else value
+                           for name, value in at.items()}
+    shared = replace(pair, **first).oscillator(te, **one)
+    pairs: Any = Pairs(pair, own) if own else pair
+    torques = {name: at.get(name) for name in TORQUES}
+    speed = {name: at[name] for name in SPEEDS if at.get(name) is not None}
+    drift: Any = 0.0
+    if shared.degrees_of_freedom == 2 and torques["drive_torque"] is not None:
+        unbalanced = pairs.gear_ratio * torques["drive_torque"] - torques["brake_torque"]
+        drift = unbalanced / pairs.total_inertia / pairs.natural_frequency**2
+    numbers = {"force": force_at(pairs, **torques),
+               "mesh_frequency_ratio": frequency_at(pairs, **speed) / pairs.natural_frequency,
+               "gear_ratio": pairs.gear_ratio, "te_scale": at.get("te_scale", 1.0),
+               "damping_ratio": pairs.xi, "restitution": pairs.restitution,
+               "backlash": pairs.backlash, "mean_acceleration": drift}
+    count = len(next(iter(values.values())))
+    return Points(shared, **{name: np.array(np.broadcast_to(np.asarray(number, dtype=float), count))
+                             for name, number in numbers.items()})
 
 
 class Varied(Sequence[Oscillator]):
-    """Oscillators of some values of a parameter; torques and speeds move one number of it alone.
+    """Oscillators of some values of a parameter.
+
+    Torques, speeds and scales move one number of it alone.
 
     Attributes
     ----------
@@ -57,7 +127,7 @@ class Varied(Sequence[Oscillator]):
         self._count = len(values)
         first = self[0]
         if first.degrees_of_freedom == 1 and parameter not in OF_PAIR:
-            name, numbers, good = _moved(pair, parameter, values, operation)
+            name, numbers, good = _moved(pair, te, parameter, values, operation)
             for i in np.flatnonzero(~good):
                 self[int(i)]
             self.points = Points.varied(first, name, numbers)
@@ -76,9 +146,17 @@ class Varied(Sequence[Oscillator]):
         return self._made[i]
 
 
-def _moved(pair: GearPair, parameter: str, values: Any,
+def _moved(pair: GearPair, te: TransmissionError, parameter: str, values: Any,
            operation: Mapping[str, Any]) -> tuple[str, Any, Any]:
-    """Number of an oscillator that a torque or a speed moves, its values, and which are allowed."""
+    """Number of an oscillator that such a parameter moves, its values, and which are allowed.
+
+    A scale of the transmission error is allowed between two that are.
+    """
+    if parameter in OF_CURVE:
+        name, factor = _in_operation(te, parameter, operation)
+        good = np.ones(len(values), dtype=bool)
+        good[[np.argmin(values), np.argmax(values)]] = False
+        return name, factor * values if factor != 1.0 else values, good
     if parameter in SPEEDS:
         frequency = frequency_at(pair, **{parameter: values})
         numbers = frequency / pair.natural_frequency
