@@ -47,7 +47,7 @@ class OperationKeys(Group):
                                      le=1e9)
     drive_torque: float | None = key(None, "T_m, mean torque driving the pinion; left out: the "
                                      "balance T_l/i12", "N·m", 1.40625, ge=-1e9, le=1e9)
-    pinion_speed_rpm: float | None = key(None, "n1, speed of the pinion", "rev/min", 240.0,
+    pinion_speed_rpm: float | None = key(None, "n1, speed of the pinion", "rpm", 240.0,
                                          ge=1e-3, le=1e7)
     pinion_speed_rad_s: float | None = key(None, "n1, speed of the pinion", "rad/s", 25.13,
                                            ge=1e-4, le=1e6)
