@@ -12,13 +12,18 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-# Columns of the engine's tables (loading it takes longer than `check` itself), bytes of a number.
-CYCLE, TANGENT, LOG, SAMPLE, REAL = 17, 13, 7, 3, 8
+from lapwing.base import quantities
+
+# Columns of the engine's tables, bytes of a number.
+CYCLE, LOG, SAMPLE = map(len, (quantities.CYCLE, quantities.EVENT, quantities.SAMPLE))
+TANGENT, REAL = 2 * 2 + len(quantities.TANGENT), 8
 LOG_ROOM = 2000
 # A sweep's log is one buffer for a block of points.
 LOG_BYTES = 1 << 25
 # In the result file, per sample and per cycle: numbers of 8 bytes, and whole ones of 4 and 1.
-STORED_SAMPLE, STORED_CYCLE = 6 * 8 + 4 + 1, 4 * 8 + 12 * 4
+STORED_SAMPLE = 6 * 8 + 4 + 1
+STORED_CYCLE = sum(4 if unit == "1" else 8 for name, unit in quantities.CYCLE.items()
+                   if name != "cycle")
 # A run of a map: status, period, arrivals at both flanks, chatter, states; five real numbers.
 MAP_RUN = 1 + 2 + 2 * 4 + 1 + 1 + 5 * REAL
 # Deflate makes no more of it; a figure in its two formats is never smaller.

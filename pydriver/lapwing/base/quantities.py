@@ -86,6 +86,20 @@ STABILITY = NUMBERS | {
 CODES: dict[str, type[IntEnum]] = {
     "status": Status, "motion_state": MotionState, "event_kind": EventKind, "kind": EventKind,
     "impact_flank": Flank, "trial_stage": SearchStage}
+RATE = "rad per tau"
+# Columns of each table, in the engine's order: name -> unit. Velocities of an event are relative
+# to the flank touched; `t` is the time since the cycle's beginning; `flight_depth` the greatest
+# depth of the flight that the event ends, NaN where it ends none or one not watched throughout.
+EVENT = {"kind": "1", "cycle": "1", "t": "1", "phi": "rad", "velocity_before": RATE,
+         "velocity_after": RATE, "flight_depth": "rad"}
+SAMPLE = {"motion_state": "1", "phi": "rad", "phi_dot": RATE}
+CYCLE = {"cycle": "1", "motion_state": "1", "phi": "rad", "phi_dot": RATE} | dict.fromkeys(
+    ("impacts", "back_impacts", "counted_impacts", "counted_back_impacts", "releases",
+     "back_releases", "engages", "back_engages", "chatter_ends", "back_chatter_ends"), "1") | {
+         "deepest_separation": "rad", "deepest_back_penetration": "rad", "states_visited": "1"}
+# Lines of the tangent map behind its matrix: fortran/observers/tangent.f90.
+TANGENT = ("exponent", "log_det", "det_sign", "rank", "drive_time", "coast_time", "impacts",
+           "log_rebound", "graze_depth")
 # Velocities are rates in dimensionless time, which has no unit.
 VELOCITY = "per unit of dimensionless time tau = natural_frequency * t"
 # Units (UDUNITS) and long names by variable; a cycle_X is described as X.

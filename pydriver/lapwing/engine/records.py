@@ -1,4 +1,4 @@
-"""What the engine's arrays hold, by name and unit: the one place that knows their columns.
+"""What the engine's arrays hold, by name; the order of their columns: `base.quantities`.
 
 A table comes out as a structured array, one entry a line: `cycles["phi"]` is a column, and
 `events[events["kind"] == EventKind.IMPACT]` are some of the lines, both without a copy of the rest.
@@ -13,24 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lapwing.base.codes import EventKind
+from lapwing.base.quantities import CYCLE as CYCLE
+from lapwing.base.quantities import EVENT as EVENT
+from lapwing.base.quantities import RATE, TANGENT
+from lapwing.base.quantities import SAMPLE as SAMPLE
 
-RATE = "rad per tau"
-# Columns of each table, in the engine's order: name -> unit. Velocities of an event are relative
-# to the flank touched; `t` is the time since the cycle's beginning; `flight_depth` the greatest
-# depth of the flight that the event ends, NaN where it ends none or one not watched throughout.
-EVENT = {"kind": "1", "cycle": "1", "t": "1", "phi": "rad", "velocity_before": RATE,
-         "velocity_after": RATE, "flight_depth": "rad"}
-SAMPLE = {"motion_state": "1", "phi": "rad", "phi_dot": RATE}
-CYCLE = {"cycle": "1", "motion_state": "1", "phi": "rad", "phi_dot": RATE} | dict.fromkeys(
-    ("impacts", "back_impacts", "counted_impacts", "counted_back_impacts", "releases",
-     "back_releases", "engages", "back_engages", "chatter_ends", "back_chatter_ends"), "1") | {
-         "deepest_separation": "rad", "deepest_back_penetration": "rad", "states_visited": "1"}
 # Columns of the cycle table that are no whole numbers, and those that a strobe alone fills.
 CYCLE_REALS = tuple(name for name, unit in CYCLE.items() if unit != "1")
 STROBED = ("motion_state", "phi", "phi_dot")
-# Lines of the tangent map behind its matrix: fortran/observers/tangent.f90.
-TANGENT = ("exponent", "log_det", "det_sign", "rank", "drive_time", "coast_time", "impacts",
-           "log_rebound", "graze_depth")
 WORK_NAMES = ("steps", "rejected_steps", "polish_steps", "drive_flank_searches",
               "coast_flank_searches", "samples", "depth_searches", "graze_searches",
               "stretches")

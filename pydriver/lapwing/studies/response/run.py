@@ -367,13 +367,15 @@ def _sample_columns(osc: Oscillator, pair: GearPair, recording: Recording, store
 
 def _event_columns(pair: GearPair, recording: Recording, period: float,
                    second: float) -> dict[str, NDArray[Any]]:
-    kind, cycle, t, phi, before, after, depth = (recording.events[name] for name in EVENT)
+    log = recording.events
+    kind, cycle, t, before, after = (log[name] for name in (
+        "kind", "cycle", "t", "velocity_before", "velocity_after"))
     energy = 0.5 * pair.torsional_stiffness * (before**2 - after**2)
     impact = np.isin(kind, (EventKind.IMPACT, EventKind.BACK_IMPACT))
     return {"event_time": (cycle + t / period) * second, "event_phase": t / period,
             "event_cycle": cycle.astype(np.int32), "event_kind": kind.astype(np.int8),
-            "event_phi": phi, "velocity_before": before, "velocity_after": after,
-            "flight_depth": depth, "impact_energy": np.where(impact, energy, np.nan)}
+            "event_phi": log["phi"], **{name: log[name].copy() for name in list(EVENT)[4:]},
+            "impact_energy": np.where(impact, energy, np.nan)}
 
 
 def _cycle_columns(outcome: _Outcome) -> dict[str, NDArray[Any]]:
