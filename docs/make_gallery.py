@@ -29,6 +29,8 @@ DECKS = {
                        "the classical resonance of gear rattle.",
     "plane_25x32": "Every combination of speed and braking torque for the smooth transmission "
                    "error.",
+    "tolerances_25x32": "A thousand pairs with manufacturing tolerances: which torque keeps 99 % of "
+                        "them together?",
     "minimal": "The shortest deck.",
 }
 FIGURES = {
@@ -45,6 +47,9 @@ FIGURES = {
                    "the torque above which contact can be kept.",
     "map_depth": "Deepest separation over speed and braking torque.",
     "map_arrivals": "Impacts per mesh cycle over speed and braking torque; outlined: back impacts.",
+    "distributions": "How each answer is distributed among pairs, with the limits of its "
+                     "quantiles.",
+    "tornado": "Which parameter matters most for each answer.",
     "critical_search": "Searches for critical values: what was tried, what was seen, the bracket "
                        "that is left.",
     "te_curve": "Transmission error with its knots, slopes and kinks.",

@@ -170,6 +170,17 @@ CASES = {
         PAIR, TE, {"brake_torque": [12.0], "backlash": backlash}, settle=1, record=1,
         pinion_speed_rpm=300), {"backlash": [1e-3]}),
     "open_study": (lw.open_study, {"folder": studied()}),
+    "Draw": (lw.Draw, {"law": "normal", "mean": 1.0, "deviation": 0.1, "mode": None, "low": 0.5,
+                       "high": 2.0}),
+    "ensemble": (lw.ensemble, {
+        "pair": PAIR, "te": TE, "draws": {"backlash": lw.Draw("uniform", low=1e-3, high=2e-3)},
+        "sampling": "random", "runs": 2, "scrambles": 16, "seed": 0, "correlation": [[1.0]],
+        "sensitivity_draws": None, "phase": 0.0, "numerics": None, "shard_runs": 1,
+        "folder": FOLDER / "ensemble", "executor": None, "threads": 1, "progress": None,
+        "notes": None, "keep_interrupted": False, "brake_torque": 12.0, **SHORT}),
+    "ensemble.draws": (lambda backlash: lw.ensemble(
+        PAIR, TE, {"backlash": backlash}, settle=1, record=1, brake_torque=12.0,
+        pinion_speed_rpm=300), {"backlash": [1e-3]}),
     "find_orbit": (lw.find_orbit, {"osc": OSC, "start": STATE, "cycles": 1, "settle": 3}),
     "exponents": (lw.exponents, {"osc": OSC, "start": "rest", "phase": 0.0, "settle": 1,
                                  "record": 2}),

@@ -85,7 +85,7 @@ def test_a_part_has_no_executor(deck, tmp_path):
 def test_a_deck_without_maps_has_no_parts(tmp_path):
     code, said = run(Path(__file__).parents[1] / "inputs" / "minimal.nml", tmp_path,
                      "--shard", "1/2")
-    assert code == 2 and "--shard goes with &map; the deck has none" in said
+    assert code == 2 and "--shard goes with &map and &ensemble; the deck has none" in said
 
 
 @pytest.mark.parametrize("name", ["foo", "dask", "dask=", "mpi=3"])

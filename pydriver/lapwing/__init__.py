@@ -34,6 +34,8 @@ _HOMES = {
     "open_study": "studies.map.opened",
     "branch": "studies.branch",
     "branches": "studies.branch",
+    "ensemble": "studies.ensemble.run",
+    "Draw": "model.draw",
     "find_orbit": "studies.orbit",
     "follow": "studies.orbit",
     "period_doubling": "studies.orbit",

@@ -174,6 +174,8 @@ class LapwingAccessor:
             return "map"
         if "find" in self._dataset.attrs:
             return "critical"
+        if "sampling" in self._dataset.attrs:
+            return "ensemble"
         return "sweep" if "recorded_cycle" in self._dataset.dims else ""
 
     def __getattr__(self, name: str) -> Callable[..., Figure]:

@@ -60,8 +60,8 @@ def part_of(deck: Deck, out: Path, part: int, parts: int, threads: int,
     """Make a part of a deck's shards and report; returns its exit code."""
     from lapwing.part import run_part
 
-    if not deck.studies["map"]:
-        complain(f"{deck.path}: --shard goes with &map; the deck has none")
+    if not (deck.studies["map"] or deck.studies["ensemble"]):
+        complain(f"{deck.path}: --shard goes with &map and &ensemble; the deck has none")
         return BAD_INPUT
     found, code = _attempt(
         deck, progress,

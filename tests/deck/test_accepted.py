@@ -8,7 +8,7 @@ import pytest
 
 from lapwing import GearPair
 from lapwing.deck import DeckError, load_deck
-from lapwing.deck.schema import GROUPS, STUDIES
+from lapwing.deck.schema import GROUPS, REPEATED
 
 HERE = Path(__file__).parent
 INPUTS = HERE.parents[1] / "inputs"
@@ -21,9 +21,9 @@ def test_f90nml_reads_the_same(path):
     deck = load_deck(path)
     oracle = f90nml.reads(path.read_text(encoding="utf-8-sig"))
     for group in GROUPS:
-        theirs = oracle.get(group, [] if group in STUDIES else {})
+        theirs = oracle.get(group, [] if group in REPEATED else {})
         ours = deck.settings[group]
-        if group not in STUDIES:
+        if group not in REPEATED:
             ours, theirs = [ours], [theirs]
         elif not isinstance(theirs, list):
             theirs = [theirs]

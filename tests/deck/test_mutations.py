@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from lapwing.deck import DeckError, load_deck, used_hash, used_text
-from lapwing.deck.schema import GROUPS, STUDIES
+from lapwing.deck.schema import GROUPS, REPEATED
 from lapwing.engine import Numerics
 
 HERE = Path(__file__).parent
@@ -74,10 +74,10 @@ def check_accepted(deck, folder):
     text = plain_blanks(deck.text)
     theirs = list(groups_of(text))
     ours = [(name, one.model_dump(by_alias=True, exclude_unset=True)) for name in GROUPS
-            for one in (deck.settings[name] if name in STUDIES else [deck.settings[name]])]
+            for one in (deck.settings[name] if name in REPEATED else [deck.settings[name]])]
     for name in GROUPS:
         mine = [keys for group, keys in ours if group == name]
-        other = [keys for group, keys in theirs if group == name] or [{}] * (name not in STUDIES)
+        other = [keys for group, keys in theirs if group == name] or [{}] * (name not in REPEATED)
         assert len(mine) == len(other)
         for one, two in zip(mine, other, strict=True):
             one = {key: plain_blanks(value) for key, value in one.items()}

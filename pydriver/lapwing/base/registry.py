@@ -69,7 +69,10 @@ STUDIES = {study.kind: study for study in (
           "studies.critical.study", "report.critical", ("critical_search", "fit_orders"), turn=2,
           place=1),
     Study("map", "map", "deck.keys.map:MapKeys", "studies.map.study", "report.map.text",
-          ("map.map_classes", "map.map_depth", "map.map_arrivals"), turn=4, place=4))}
+          ("map.map_classes", "map.map_depth", "map.map_arrivals"), turn=4, place=4),
+    Study("ensemble", "ensemble", "deck.keys.ensemble:EnsembleKeys", "studies.ensemble.study",
+          "report.ensemble.text", ("ensemble.distributions", "ensemble.tornado"), turn=5,
+          place=5))}
 
 
 def give_accessor() -> None:

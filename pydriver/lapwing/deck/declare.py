@@ -33,6 +33,15 @@ class Group(BaseModel):
     exclusive: ClassVar[tuple[Any, ...]] = ()
     needed: ClassVar[bool] = True
     repeatable: ClassVar[bool] = False
+    # Of a group that a deck has several of: the key whose value tells it from the others, and
+    # optional keys that the template gives a value.
+    named_by: ClassVar[str] = "name"
+    chosen: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    def own_name(self) -> str:
+        """What tells it from others of its kind."""
+        return str(getattr(self, self.named_by))
 
 
 class OperationKeys(Group):
@@ -96,8 +105,6 @@ class StudyKeys(Group):
     repeatable: ClassVar[bool] = True
     # Tolerance where neither the study nor &numerics names one.
     default_rtol: ClassVar[float] = 1e-6
-    # Optional keys that the template gives a value.
-    chosen: ClassVar[tuple[str, ...]] = ()
 
     def build(self, builder: Any, reader: Any) -> Asked | None:
         """The study as `deck.Asked`, or None; what is wrong goes to `builder.report`.

@@ -96,7 +96,7 @@ def _known_groups(groups: list[Group], report: Report) -> list[Group]:
         if group.name not in schema.GROUPS:
             report.add(group.place,
                        f"unknown group &{group.name}; {nearest(group.name, schema.GROUPS)}")
-        elif group.name in seen and group.name not in schema.STUDIES:
+        elif group.name in seen and group.name not in schema.REPEATED:
             report.add(group.place, f"&{group.name} is given twice (first on line "
                                     f"{seen[group.name]}); expected once")
         else:
@@ -137,7 +137,7 @@ def _overridden(groups: list[Group], name: str, study: str, place: Place,
                 report: Report) -> Group | None:
     """The group that an override means; a model group is made where the deck has none."""
     candidates = [group for group in groups if group.name == name]
-    if name not in schema.STUDIES:
+    if name not in schema.REPEATED:
         if study:
             report.add(place, f"&{name} is no study; expected {name}.key")
             return None
@@ -154,7 +154,7 @@ def _overridden(groups: list[Group], name: str, study: str, place: Place,
 
 
 def _name_of(group: Group) -> str:
-    entry = group.entries.get("name")
+    entry = group.entries.get(schema.GROUPS[group.name].named_by)
     return entry.words[0].text[1:-1].lower() if entry and entry.words else ""
 
 

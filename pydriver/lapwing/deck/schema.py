@@ -12,6 +12,7 @@ from pydantic import Field
 
 from lapwing.base.registry import STUDIES as REGISTERED
 from lapwing.deck.declare import BIG, OPERATION, SPEEDS, Group, KeyType, OperationKeys, fields, key
+from lapwing.deck.keys.draw import DrawKeys
 
 
 class GearPairKeys(Group):
@@ -125,11 +126,14 @@ class NumericsKeys(Group):
                              lt=1)
 
 
+DRAW = "draw"
 GROUPS: dict[str, type[Group]] = {
     "gear_pair": GearPairKeys, "transmission_error": TransmissionErrorKeys,
-    "operation": OperationKeys, "scene": SceneKeys, "numerics": NumericsKeys,
+    "operation": OperationKeys, "scene": SceneKeys, "numerics": NumericsKeys, DRAW: DrawKeys,
     **{kind: study.part("keys") for kind, study in REGISTERED.items()}}
 STUDIES = tuple(REGISTERED)
+# Groups that a deck has any number of, each with its name.
+REPEATED = (DRAW, *STUDIES)
 REQUIRED = ("gear_pair", "transmission_error")
 
 
@@ -140,5 +144,5 @@ def numeric_parameters() -> dict[str, str]:
     return found | {"parabola_amplitude": "transmission_error"}
 
 
-__all__ = ["GROUPS", "OPERATION", "REQUIRED", "SPEEDS", "STUDIES", "KeyType", "fields",
-           "numeric_parameters"]
+__all__ = ["DRAW", "GROUPS", "OPERATION", "REPEATED", "REQUIRED", "SPEEDS", "STUDIES", "KeyType",
+           "fields", "numeric_parameters"]

@@ -41,7 +41,7 @@ def template_text() -> str:
 
 def _chosen(group: str) -> Any:
     model: Any = schema.GROUPS[group]
-    return model.chosen if group in schema.STUDIES else _CHOSEN.get(group, ())
+    return model.chosen if group in schema.REPEATED else _CHOSEN.get(group, ())
 
 
 def _entry(group: str, name: str, field: Any) -> str:

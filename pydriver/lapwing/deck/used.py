@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from lapwing.deck.deck import Asked, Deck
     from lapwing.deck.declare import KeyType
 
+# Keys that name a file, relative to the deck.
+_FILES = (("transmission_error", "file"), ("ensemble", "table"))
 _HASH = re.compile(r"^! hash ([0-9a-f]{64})$", re.MULTILINE)
 
 
@@ -97,7 +99,7 @@ def canonical(deck: Deck) -> dict[str, dict[str, Any]]:
         elif group in schema.STUDIES:
             asked = next(one for one in deck.studies[group] if one.name == keys.name)
             values = keys.canonical(values, asked)
-        name = f"{group}.{keys.name}" if group in schema.STUDIES else group
+        name = f"{group}.{keys.own_name}" if group in schema.REPEATED else group
         result[name] = values
     return dict(sorted(result.items()))
 
@@ -111,9 +113,9 @@ def _smoothing(deck: Deck) -> dict[str, bool]:
 def _groups(deck: Deck) -> Iterator[tuple[str, Any, dict[str, Any]]]:
     """(group, keys as given, value of each key as used) in the order of the schema."""
     for group in schema.GROUPS:
-        given = deck.settings[group]
-        built = deck.studies[group] if group in schema.STUDIES else [None]
-        for keys, study in zip(given if group in schema.STUDIES else [given], built, strict=True):
+        given = deck.settings[group] if group in schema.REPEATED else [deck.settings[group]]
+        built = deck.studies[group] if group in schema.STUDIES else [None] * len(given)
+        for keys, study in zip(given, built, strict=True):
             yield group, keys, _used(deck, group, keys, study)
 
 
@@ -134,12 +136,12 @@ def _line(deck: Deck, group: str, keys: Any, name: str, field: Any, value: Any,
     """The line of one key: commented out where it has no value."""
     if value is None:
         left_out = (field.description or "").partition("left out: ")[2]
-        if not left_out or group in schema.STUDIES:
+        if not left_out or group in schema.REPEATED:
             return []
         return [f"  ! {name}: left out, {left_out}"]
     kind = schema.KeyType(field)
-    if group == "transmission_error" and name == "file":
-        path = Path(deck.te_table.keys["file"]).absolute()
+    if (group, name) in _FILES:
+        path = Path(deck.path.parent, value).absolute()
         value = os.path.relpath(path, Path(folder).absolute()) if folder else str(path)
     if _overridden(deck, group, keys, name):
         mark = "  ! --set"
@@ -151,8 +153,8 @@ def _line(deck: Deck, group: str, keys: Any, name: str, field: Any, value: Any,
 
 def _overridden(deck: Deck, group: str, keys: Any, name: str) -> bool:
     named = [f"{group}.{name}"]
-    if group in schema.STUDIES:
-        named.append(f"{group}.{keys.name}.{name}".lower())
+    if group in schema.REPEATED:
+        named.append(f"{group}.{keys.own_name}.{name}".lower())
     return any(key.strip().lower() in named for key, _ in deck.overrides)
 
 

@@ -216,8 +216,8 @@ def _options(results: Any, task: Task) -> dict[str, Any]:
         return {"title": f"{deck}, sweep '{task.name}': {shown}",
                 "claims": _claims(results, task.name),
                 "marks": _marks(results, parameter_of(results.sweep(task.name)))}
-    if task.kind == "map":
-        return {"title": f"{results.attrs.get('deck_name', '')}, map '{task.name}'"}
+    if task.kind in ("map", "ensemble"):
+        return {"title": f"{results.attrs.get('deck_name', '')}, {task.kind} '{task.name}'"}
     if task.kind == "critical":
         parameter = results.critical(task.name).attrs["parameter"]
         return {"marks": _marks(results, parameter, besides=task.name)}

@@ -32,7 +32,8 @@ def summary_text(results: Results) -> str:
     found = {study: [results.study(study.kind, name) for name in results.studies[study.kind]]
              for study in summarised()}
     lines = [f"# {results.attrs['deck_name']}", "",
-             *findings_lines(findings(*studies_in(results), results.missing, _maps(results))), "",
+             *findings_lines(findings(*studies_in(results), results.missing,
+                                *(_all(results, kind) for kind in ("map", "ensemble")))), "",
              *_gear(results)]
     for study, datasets in found.items():
         part = study.part("report")
@@ -67,9 +68,9 @@ def studies_in(results: Results) -> tuple[list[xr.Dataset], list[xr.Dataset], li
             [results.sweep(name) for name in results.sweeps])
 
 
-def _maps(results: Results) -> list[xr.Dataset]:
-    """Datasets of the maps."""
-    return [results.study("map", name) for name in results.studies["map"]]
+def _all(results: Results, kind: str) -> list[xr.Dataset]:
+    """Datasets of the studies of a kind."""
+    return [results.study(kind, name) for name in results.studies[kind]]
 
 
 def _missing(results: Results) -> list[str]:

@@ -1,4 +1,4 @@
-"""What the points of a sweep or a map show, and which of them have a result to judge by."""
+"""What the points of a sweep, a map or an ensemble show, and which have a result to judge by."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lapwing.base.arrivals import arrivals_in
 from lapwing.base.codes import MotionState, Status
 
 if TYPE_CHECKING:
@@ -185,3 +186,49 @@ def map_separates(data: xr.Dataset) -> xr.DataArray:
     """
     return (data["status"] == Status.OK) & (
         (data["deepest_separation"] > 0) | (data["arrivals"] + data["back_arrivals"] > 0))
+
+
+class Answer(NamedTuple):
+    """A number of a run whose distribution is told.
+
+    Attributes
+    ----------
+    name : str, variable of the dataset
+    words : str
+    unit : str, as a person reads it; empty: a bare number
+    factor : float, from the unit of the variable to this one
+    """
+
+    name: str
+    words: str
+    unit: str = ""
+    factor: float = 1.0
+
+
+def answers(data: xr.Dataset) -> list[Answer]:
+    """The answers of an ensemble, those that it has."""
+    word = arrivals_in(data.attrs).word
+    every = (Answer("full_engagement", "T_full", "N·m"),
+             Answer("deepest_separation", "deepest separation", "µrad", 1e6),
+             Answer("impacts_per_cycle", f"{word}s per mesh cycle"),
+             Answer("back_impacts_per_cycle", f"back {word}s per mesh cycle"),
+             Answer("fastest_arrival", "fastest arrival", "µrad per τ", 1e6))
+    return [one for one in every if one.name in data]
+
+
+def influenced(data: xr.Dataset) -> dict[str, str]:
+    """What parameters move, name -> words: the answers, and whether a pair rattles."""
+    return {one.name: one.words for one in answers(data)} | {"rattles": "whether it rattles"}
+
+
+def parameters_of(data: xr.Dataset) -> list[str]:
+    """Names of what is drawn or listed."""
+    return [str(name) for name in data["parameter"].values]
+
+
+def events_of(data: xr.Dataset) -> dict[str, str]:
+    """What is seen in a run or not, name -> words, those that are known of."""
+    words = {"contact_can_be_kept": "contact can be kept (the torque is T_full or more)",
+             "rattles": "rattling, from rest", "back_arrivals":
+             f"back {arrivals_in(data.attrs).word}s, from rest"}
+    return {str(name): words[str(name)] for name in data["event"].values}

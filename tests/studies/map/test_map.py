@@ -15,7 +15,7 @@ from lapwing import Numerics, Status, TransmissionError, engine, parameter_map, 
 from lapwing.engine import Wanted
 from lapwing.results.shards import Shard, discard_shards, read_shard, shard_path, shards_in
 from lapwing.studies.map import shards
-from lapwing.studies.map.run import _Found, job_of
+from lapwing.studies.map.run import Found, job_of
 from lapwing.studies.map.shards import KEPT, carried_out, shard_size
 from lapwing_bench.scenes import PAIR
 
@@ -308,7 +308,7 @@ def test_what_is_torn_apart_is_not_told_as_known():
                  numerics=None, shard_runs=33)
     data = carried_out(job, 0)
     for torn in set(KEPT) - {"status"}:
-        found = _Found(job, print)
+        found = Found(job, print)
         with pytest.raises(KeyboardInterrupt):
             found.take(0, Shard({**data, torn: Stopping()}, "cpu"))
         assert np.all(found.data["status"] == Status.UNFINISHED)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from lapwing.deck import schema
 from lapwing.deck.checks.curve import curve_options
+from lapwing.deck.checks.drawn import check_drawn, check_use, expected, out_of_range
 from lapwing.deck.checks.hints import of_parameters
 from lapwing.deck.checks.magnitudes import warn_of_torques, warn_of_units
 from lapwing.deck.checks.te_table import file_table, flat, formula_table
@@ -25,10 +26,12 @@ if TYPE_CHECKING:
     from lapwing.deck.deck import Asked
     from lapwing.deck.declare import OperationKeys
     from lapwing.deck.keys.critical import CriticalKeys
+    from lapwing.deck.keys.ensemble import EnsembleKeys
     from lapwing.deck.keys.response import ResponseKeys
     from lapwing.deck.load import _GroupReader
     from lapwing.deck.problems import Report
     from lapwing.deck.schema import GearPairKeys, SceneKeys
+    from lapwing.model.draw import Draw
     from lapwing.model.oscillator import Oscillator
     from lapwing.model.transmission_error.table import TransmissionError
 
@@ -45,30 +48,33 @@ def assemble(path: Path, text: str, overrides: tuple[tuple[str, str], ...],
     readers : sequence of group readers (`load`), in the order of the deck
     report : Report
     """
-    models = {reader.name: reader for reader in readers if reader.name not in schema.STUDIES}
+    models = {reader.name: reader for reader in readers if reader.name not in schema.REPEATED}
     studies = [reader for reader in readers if reader.name in schema.STUDIES]
     if readers:
         _check_presence(models, studies, Place(str(path)), report)
     settings: dict[str, Any] = {
                 name: models[name].keys if name in models else group()
                 for name, group in schema.GROUPS.items()
-                if name not in (*schema.STUDIES, *schema.REQUIRED)}
+                if name not in (*schema.REPEATED, *schema.REQUIRED)}
     settings |= {name: models[name].keys if name in models else None for name in schema.REQUIRED}
     _check_restitution(models.get("gear_pair"), settings["scene"], report)
     pair: Any = _gear_pair(models.get("gear_pair"), report)  # None: refused below
     table = _table(models.get("transmission_error"), settings["gear_pair"], path, report)
     warn_of_units(models.get("gear_pair"), models.get("transmission_error"), table, report)
-    builder = Studies(settings, models, pair, table, report)
+    builder = Studies(settings, models, pair, table, report, path.parent)
     if builder.operation and pair is not None and "operation" in models:
         warn_of_torques(models["operation"], pair, builder.operation, None, report)
+    drawn = [reader for reader in readers if reader.name == schema.DRAW]
+    builder.draw(drawn)
     built: dict[str, tuple[Any, ...]] = {
         name: tuple(builder.build(reader) for reader in studies if reader.name == name)
              for name in schema.STUDIES}
-    _check_names(studies, report)
+    _check_names([*studies, *drawn], report)
+    check_use(drawn, studies, report)
     if report.refusals:
         return None
-    settings |= {name: [reader.keys for reader in studies if reader.name == name]
-                 for name in schema.STUDIES}
+    settings |= {name: [reader.keys for reader in (*studies, *drawn) if reader.name == name]
+                 for name in schema.REPEATED}
     return Deck(path=path, text=text, overrides=overrides, warnings=report.warnings,
                 settings=settings, te_table=table, gear_pair=pair, operation=builder.operation,
                 numerics=settings["numerics"].model_dump(), studies=built)
@@ -90,12 +96,14 @@ def _check_names(studies: list[_GroupReader], report: Report) -> None:
     for reader in studies:
         if reader.keys is None:
             continue
-        name = reader.keys.name
-        if (reader.name, name.lower()) in seen:
-            line = seen[reader.name, name.lower()]
-            report.add(reader.places["name"], f"two groups &{reader.name} are named {name!r} "
-                                              f"(the other on line {line})")
-        seen.setdefault((reader.name, name.lower()), reader.places["name"].line)
+        name, place = reader.keys.own_name, reader.places[reader.keys.named_by]
+        bare = name.lower().strip().rpartition(".")[2] if reader.name == schema.DRAW \
+            else name.lower()
+        if (reader.name, bare) in seen:
+            words = "are of" if reader.name == schema.DRAW else "are named"
+            report.add(place, f"two groups &{reader.name} {words} {name!r} (the other on line "
+                              f"{seen[reader.name, bare]})")
+        seen.setdefault((reader.name, bare), place.line)
 
 
 def _relay(error: Any, readers: list[_GroupReader], report: Report) -> None:
@@ -206,10 +214,17 @@ class Studies:
     report : Report
     pair : GearPair or None
     ready : bool, whether oscillators can be built: nothing they need was refused
+    folder : Path, of the deck
+    draws : dict of parameter -> (its group, Draw)
+    draws_refused : bool, whether there are others that were refused
     """
 
     def __init__(self, settings: dict[str, Any], models: dict[str, _GroupReader],
-                 pair: GearPair | None, table: Table | None, report: Report) -> None:
+                 pair: GearPair | None, table: Table | None, report: Report,
+                 folder: Path) -> None:
+        self.folder = folder
+        self.draws: dict[str, tuple[str, Draw]] = {}
+        self.draws_refused = False
         self._settings, self._models, self.report = settings, models, report
         self.pair: Any = pair  # a GearPair wherever oscillators can be built
         self._refused = any(keys is None for keys in settings.values())
@@ -244,7 +259,7 @@ class Studies:
         given = getattr(reader.keys, "rtol", None) or (numerics.rtol if numerics else None)
         return float(given or reader.keys.default_rtol)
 
-    def own_operation(self, keys: CriticalKeys | ResponseKeys) -> dict[str, Any]:
+    def own_operation(self, keys: CriticalKeys | EnsembleKeys | ResponseKeys) -> dict[str, Any]:
         """The operation with what a study sets itself; its speed, however given, replaces all."""
         own = _given(keys, schema.OPERATION)
         operation = self.operation
@@ -284,22 +299,32 @@ class Studies:
                                     f"'{reader.keys.name}' needs")
         return not lacking
 
-    def parameter(self, reader: _GroupReader, name: str) -> str | None:
-        """Group of the parameter varied, or None."""
+    def draw(self, readers: list[_GroupReader]) -> None:
+        """Take the &draw groups."""
+        for reader in readers:
+            found = reader.keys and reader.keys.draw(self, reader)
+            if found:
+                self.draws[found[0]] = found[1:]
+            else:
+                self.draws_refused = True
+
+    def parameter(self, reader: _GroupReader, name: str, place: Place | None = None,
+                  word: str = "parameter") -> str | None:
+        """Group of the parameter varied, or None; `word` is what `place` holds."""
         known = schema.numeric_parameters()
         group, _, bare = name.rpartition(".")
-        place = reader.places.get("parameter", reader.place)
+        place = place or reader.places.get("parameter", reader.place)
         if bare not in known or group not in ("", known[bare]):
             full = [*known, *(f"{group}.{key}" for key, group in known.items())]
             hint = of_parameters(name) or nearest(name, full if group else known)
-            self.report.add(place, f"parameter = {name!r} is no real number of &gear_pair or "
+            self.report.add(place, f"{word} = {name!r} is no real number of &gear_pair or "
                                    f"&operation; {hint}")
             return None
         for reader_name, model in {**self._models, reader.name: reader}.items():
             for names in schema.GROUPS[reader_name].exclusive:
                 others = [key for key in names if key != bare and key in model.places]
                 if bare in names and others:
-                    self.report.add(place, f"parameter = {name!r}, but &{reader_name} gives "
+                    self.report.add(place, f"{word} = {name!r}, but &{reader_name} gives "
                                             f"{others[0]}; vary that, or give {bare} instead")
                     return None
         if bare == "parabola_amplitude" and not self.parabola:
@@ -311,15 +336,15 @@ class Studies:
     def check_values(self, reader: _GroupReader, name: str, group: str,
                      values: NDArray[Any]) -> None:
         """Every value against the range of the parameter's own key."""
-        kind = schema.KeyType(schema.GROUPS[group].model_fields[name])
-        limits = kind.limits
-        wrong = [value for value in (values[0], values[-1])
-                 if value < limits.get("ge", value) or value > limits.get("le", value)
-                 or value <= limits.get("gt", value - 1) or value >= limits.get("lt", value + 1)]
-        place = reader.places.get("values") or reader.places["from"]
-        for value in wrong[:1]:
-            self.report.add(place, f"{name} = {value:g} among the values, expected "
-                                    f"{kind.expected}")
+        wrong = out_of_range(name, group, values)
+        if wrong is not None:
+            place = reader.places.get("values") or reader.places["from"]
+            self.report.add(place, f"{name} = {wrong:g} among the values, expected "
+                                   f"{expected(name, group)}")
+
+    def check_drawn(self, reader: _GroupReader, name: str, group: str, draw: Draw) -> None:
+        """What can be drawn against the range of the parameter's own key, and the other draws."""
+        check_drawn(self, reader, name, group, draw)
 
     def check_ends(self, reader: _GroupReader, varied: dict[str, tuple[str, Any]],
                    operation: dict[str, Any]) -> None:
@@ -342,12 +367,12 @@ class Studies:
             if oscillator is None:
                 return
             if oscillator.force < 0 and oscillator.gap == "one_flank" \
-                    and reader.name in ("sweep", "map"):
+                    and reader.name in ("sweep", "map", "ensemble"):
                 self.report.add(reader.place, "starts from rest with a negative force need a "
                                                "coast flank to rest on")
 
 
-def _given(keys: CriticalKeys | OperationKeys | ResponseKeys,
+def _given(keys: CriticalKeys | EnsembleKeys | OperationKeys | ResponseKeys,
            names: tuple[str, ...]) -> dict[str, float]:
     """Those of the named keys that are not None."""
     return {name: getattr(keys, name) for name in names if getattr(keys, name) is not None}

@@ -72,7 +72,7 @@ def read_columns(path: str | os.PathLike[str], pinion_teeth: int | None,
 def _columns(text: str, pinion_teeth: int | None,
              gear_teeth: int | None) -> tuple[dict[str, NDArray[Any]], list[Problem]]:
     problems: list[Problem] = []
-    lines = _rows(text, problems)
+    lines = rows_of(text, problems)
     if not lines and problems:
         return {}, problems
     if len(lines) < 2:
@@ -91,15 +91,19 @@ def _columns(text: str, pinion_teeth: int | None,
     return {name: np.array(named[name]) for name in _COLUMNS if name in named}, problems
 
 
-def _rows(text: str, problems: list[Problem]) -> list[tuple[int, list[str]]]:
-    """(line, fields) of each row; empty rows at the end, as spreadsheets leave them, are none."""
+def rows_of(text: str, problems: list[Problem],
+            most: int = MAX_ROWS) -> list[tuple[int, list[str]]]:
+    """(line, fields) of each row; empty rows at the end, as spreadsheets leave them, are none.
+
+    What is wrong goes to `problems`; `most` is the number of rows below the header.
+    """
     rows: list[tuple[int, list[str]]] = []
     for line, row in enumerate(text.split("\n"), 1):
         row = row.partition("#")[0]
         if not row.strip():
             continue
-        if len(rows) > MAX_ROWS:
-            problems.append((line, 0, f"more rows than expected (at most {MAX_ROWS})"))
+        if len(rows) > most:
+            problems.append((line, 0, f"more rows than expected (at most {most})"))
             return []
         rows.append((line, _fields(line, row, problems)))
     while rows and rows[-1][1] and not any(rows[-1][1]):

@@ -18,6 +18,7 @@ from lapwing.report.answers.besides import besides
 from lapwing.report.answers.evidence import failures, looks, together
 from lapwing.report.answers.limits import MOST, at_least, at_most, bands
 from lapwing.report.critical import REASONS
+from lapwing.report.ensemble.findings import findings as ensemble_findings
 from lapwing.report.map.text import findings as map_findings
 from lapwing.report.measured import noise_findings
 from lapwing.report.numbers import doubtful
@@ -33,22 +34,24 @@ SEARCH = "&critical, find = 'safe'"
 
 
 def findings(responses: Any, criticals: Any, sweeps: Any, missing: Any = (),
-             maps: Any = ()) -> list[str]:
+             maps: Any = (), ensembles: Any = ()) -> list[str]:
     """What a run found, the most important first.
 
     Parameters
     ----------
-    responses, criticals, sweeps, maps : sequences of Dataset, each with its name as an attribute
+    responses, criticals, sweeps, maps, ensembles : sequences of Dataset, each with its name as
+        an attribute
     missing : sequence of (kind, name), studies of the deck without a result
 
     Returns
     -------
     list of str, each a sentence or two in Markdown
     """
-    stopped = _stopped([*sweeps, *maps], missing)
+    stopped = _stopped([*sweeps, *maps, *ensembles], missing)
     torque = _Torque(responses, criticals, sweeps)
     answers = [*torque.sentences(), *noise_findings(criticals), *besides(criticals, sweeps),
-               *(sentence for one in maps for sentence in map_findings(one))]
+               *(sentence for one in maps for sentence in map_findings(one)),
+               *ensemble_findings(list(ensembles))]
     if not answers:
         return [*stopped, "**Nothing is known**: no run has a result."]
     return [*stopped, *answers, *torque.failures()]
@@ -90,7 +93,8 @@ def _stopped(sweeps: Any, missing: Any) -> list[str]:
     for sweep in sweeps:
         open_ = int((sweep["status"].values == Status.UNFINISHED).sum())
         if open_:
-            kind, each = ("map", "runs") if "x_parameter" in sweep.attrs else ("sweep", "points")
+            kind, each = ("map", "runs") if "x_parameter" in sweep.attrs else \
+                ("ensemble", "runs") if "sampling" in sweep.attrs else ("sweep", "points")
             parts.append(f"{kind} `{sweep.attrs.get('name', '')}` lacks {open_} of "
                          f"{sweep['status'].size} {each}")
     return ["**The run was stopped before its end**: " + "; ".join(parts) + ". What follows rests "

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ class Grid:
     axes : dict of parameter -> array of its values, rising
     line : str, the axis along which runs follow each other
     operation : dict, the other arguments of `GearPair.oscillator`
+    kind : str, of the study
     """
 
     pair: GearPair
@@ -36,6 +37,7 @@ class Grid:
     axes: Mapping[str, NDArray[np.float64]]
     line: str
     operation: Mapping[str, Any]
+    kind: ClassVar[str] = "map"
 
     @cached_property
     def order(self) -> tuple[str, ...]:
@@ -63,6 +65,16 @@ class Grid:
         return points_at(self.pair, self.te, {
             name: self.axes[name][places] for name, places in zip(self.order, at, strict=True)},
             self.operation)
+
+    @property
+    def besides(self) -> tuple[str, ...]:
+        """Names of real numbers of a run that are known without moving it (`known`); none."""
+        return ()
+
+    def known(self, first: int, stop: int,
+              each: Callable[[], None]) -> dict[str, NDArray[np.float64]]:
+        """These numbers of the runs from `first` up to `stop`; `each` is called before each run."""
+        return {}
 
 
 def fastest_axis(axes: Mapping[str, Any]) -> str:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base import arguments, estimates
 from lapwing.base.arguments import MAX_INT, Refusals
@@ -102,10 +103,25 @@ def parameter_map(pair: GearPair, te: TransmissionError, axes: Mapping[str, Any]
     """
     job = job_of(pair, te, axes, line=line, start=start, settle=settle, record=record, phase=phase,
                  numerics=numerics, shard_runs=shard_runs, **operation)
+    found, interrupted = carry_out("parameter_map", job, folder=folder, executor=executor,
+                                   threads=threads, progress=progress, notes=notes,
+                                   keep_interrupted=keep_interrupted)
+    return _dataset(job, found, interrupted)
+
+
+def carry_out(who: str, job: Job, *, folder: str | Path | None, executor: Executor | None,
+              threads: int | None, progress: Callable[[float], None] | None,
+              notes: Callable[[str], None] | None, keep_interrupted: bool) -> tuple[Found, bool]:
+    """Make or read the shards of a study; arguments as of `parameter_map`, which `who` may be.
+
+    Returns
+    -------
+    Found, and whether Ctrl-C has left some of it open
+    """
     if executor is not None and folder is None:
-        raise ValueError("parameter_map: executor wants a folder, which its workers see as well")
+        raise ValueError(f"{who}: executor wants a folder, which its workers see as well")
     if executor is not None and not callable(getattr(executor, "submit", None)):
-        raise TypeError("parameter_map: " + arguments.wrong(
+        raise TypeError(f"{who}: " + arguments.wrong(
             "executor", executor, "what concurrent.futures.Executor can"))
     arguments.flag("keep_interrupted", keep_interrupted)
     for name, given in (("progress", progress), ("notes", notes)):
@@ -113,17 +129,16 @@ def parameter_map(pair: GearPair, te: TransmissionError, axes: Mapping[str, Any]
             arguments.function(name, given)
     threads = usable_threads(checked_threads(threads), job.shards)
     folder = None if folder is None else Path(arguments.path("folder", folder))
-    estimates.require(job.grid.runs * estimates.MAP_RUN, "parameter_map", "the values of an axis")
-    found = _Found(job, notes or (lambda _: None))
+    estimates.require(job.grid.runs * estimates.MAP_RUN, who, "the number of runs")
+    found = Found(job, notes or (lambda _: None))
     work = _Work(job, folder, found, progress)
-    interrupted = False
     try:
         work.carry_out(executor, threads)
     except KeyboardInterrupt:
         if not keep_interrupted:
             raise
-        interrupted = True
-    return _dataset(job, found, interrupted)
+        return found, True
+    return found, False
 
 
 def make_part(job: Job, folder: Path, part: int, parts: int, threads: int,
@@ -138,7 +153,7 @@ def make_part(job: Job, folder: Path, part: int, parts: int, threads: int,
     -------
     int, int, how many shards were made, and how many lay there
     """
-    found = _Found(job, notes or (lambda _: None))
+    found = Found(job, notes or (lambda _: None))
     indices = range(part - 1, job.shards, parts)
     made = _Work(job, folder, found, progress, indices).carry_out(None, threads)
     return made, len(indices) - made
@@ -200,12 +215,13 @@ def _check_corners(grid: Grid) -> None:
                              "rest on")
 
 
-class _Found:
+class Found:
     """The numbers of the shards that are done, in the order of the runs."""
 
     def __init__(self, job: Job, notes: Callable[[str], object]) -> None:
         self.notes = notes
         self.data = {name: np.zeros(job.grid.runs, dtype=kind) for name, kind in KEPT.items()}
+        self.data |= {name: np.full(job.grid.runs, np.nan) for name in job.grid.besides}
         self.data["status"][:] = Status.UNFINISHED
         self.cpus: set[str] = set()
         self._job = job
@@ -222,7 +238,7 @@ class _Found:
 class _Work:
     """Shards handed out and gathered."""
 
-    def __init__(self, job: Job, folder: Path | None, found: _Found,
+    def __init__(self, job: Job, folder: Path | None, found: Found,
                  progress: Callable[[float], object] | None,
                  indices: Iterable[int] | None = None) -> None:
         self.job, self.folder, self.found = job, folder, found
@@ -323,16 +339,22 @@ class _Work:
             self._progress(float(self._parts[self._indices].mean()) if self._indices else 1.0)
 
 
-def _dataset(job: Job, found: _Found, interrupted: bool) -> xr.Dataset:
-    import xarray as xr
-
-    grid = job.grid
-    data = {name: values.reshape(grid.shape) for name, values in found.data.items()}
+def numbers_of(job: Job, found: Found) -> dict[str, NDArray[Any]]:
+    """The numbers of all runs, name -> (runs,) array; what is not known of a run is NaN or 0."""
+    data = dict(found.data)
     bad = data["status"] != Status.OK
     for name in REALS:
         data[name][bad] = np.nan
     for name in RATES:
         data[name] = rate_of(name, data.__getitem__, job.record)
+    return data
+
+
+def _dataset(job: Job, found: Found, interrupted: bool) -> xr.Dataset:
+    import xarray as xr
+
+    grid = job.grid
+    data = {name: values.reshape(grid.shape) for name, values in numbers_of(job, found).items()}
     variables = {name: (grid.order, values) for name, values in data.items()}
     drawn = dict(zip(("x_parameter", "y_parameter"), grid.axes, strict=True)) \
         if len(grid.axes) == 2 else {}

@@ -94,7 +94,7 @@ class Job:
     def write_study(self, folder: Path) -> None:
         """Say in a folder what its shards are parts of."""
         write_study(folder, self.grid.axes, {
-            "kind": "map", "inputs": self.identity, "order": " ".join(self.grid.order),
+            "kind": self.grid.kind, "inputs": self.identity, "order": " ".join(self.grid.order),
             **self.about})
 
     @cached_property
@@ -152,7 +152,8 @@ def carried_out(job: Job, index: int, progress: Callable[[float], None] | None =
             progress, stop, (begin - first) / len(outcome), (stop_at - begin) / len(outcome)))
     good = outcome["status"] == Status.OK
     return {name: np.where(good | (name == "status"), outcome[name], 0 if kind is not float
-                           else np.nan).astype(kind) for name, kind in KEPT.items()}
+                           else np.nan).astype(kind) for name, kind in KEPT.items()} \
+        | job.grid.known(first, behind, lambda: _told(None, stop, 0.0, 0.0)(0.0))
 
 
 def _move(job: Job, first: int, outcome: NDArray[Any], told: Callable[[float], None]) -> None:

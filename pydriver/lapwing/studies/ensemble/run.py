@@ -1,0 +1,235 @@
+"""An ensemble: what happens in pairs that are not all alike."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lapwing.base import arguments
+from lapwing.base.arguments import MAX_INT, Refusals
+from lapwing.engine import Numerics
+from lapwing.model.draw import (
+    FEWEST,
+    SAMPLINGS,
+    Draw,
+    correlation_problem,
+    sampling_problems,
+)
+from lapwing.model.gear_pair import GearPair
+from lapwing.model.transmission_error import TransmissionError
+from lapwing.studies.ensemble.dataset import dataset_of
+from lapwing.studies.ensemble.points import Cloud, drawn, sensitivity_shares, shares_of
+from lapwing.studies.ensemble.statistics import Sample
+from lapwing.studies.map.run import carry_out
+from lapwing.studies.map.shards import Job, shard_size
+from lapwing.studies.sweep.varied import parameters
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MOST_RUNS = 10_000_000
+
+
+def ensemble(pair: GearPair, te: TransmissionError, draws: Mapping[str, Any], *,
+             sampling: str = "sobol", runs: int = 1024, scrambles: int = FEWEST, seed: int = 0,
+             correlation: Any = None, sensitivity_draws: int | None = None, settle: int = 400,
+             record: int = 100, phase: float = 0.0, numerics: Numerics | None = None,
+             shard_runs: int | None = None, folder: str | Path | None = None,
+             executor: Executor | None = None, threads: int | None = None,
+             progress: Callable[[float], None] | None = None,
+             notes: Callable[[str], None] | None = None, keep_interrupted: bool = False,
+             **operation: Any) -> xr.Dataset:
+    """Run pairs that are drawn, each from rest, and tell what is sure of all.
+
+    Parameters
+    ----------
+    pair : GearPair
+    te : TransmissionError
+    draws : mapping of parameter -> `Draw`, each an operating parameter of `GearPair.oscillator` or
+        a number of the pair; or of parameter -> array (n,), the values of n runs, of which nothing
+        is said beyond them
+    sampling : 'sobol', 'latin_hypercube' or 'random'
+    runs : int; over scrambles as many in each, with 'sobol' a power of two in each
+    scrambles : int, independent ones, 16 or more, from which intervals follow; not with 'random'
+    seed : int, which decides all draws
+    correlation : array (d, d) or None, of the normal variables behind the draws, in their order
+        (a Gaussian copula)
+    sensitivity_draws : int or None, a power of two, 16 or more: for Sobol's sensitivities so many
+        draws in each of `scrambles` designs of their own, times (d + 2) runs; not with a
+        correlation
+    settle, record, phase, numerics, shard_runs, folder, executor, threads, progress, notes,
+    keep_interrupted : as of `lapwing.parameter_map`
+    **operation : the other arguments of `GearPair.oscillator`
+
+    Returns
+    -------
+    xarray.Dataset over `run`: values of the parameters, the numbers of `lapwing.parameter_map`, and
+    full_engagement (T_full in closed form, N m) where it is known; scramble. From them, each with
+    limits _low and _high that hold the truth in 95 of 100 cases (NaN: not known):
+    <answer>_quantile over `level`, probability over `event`, main_effect and total_effect (parts of
+    the variance) over `answer` and `parameter`, and rank_correlation without limits.
+
+    Raises
+    ------
+    TypeError, ValueError
+        for every refused argument, the oscillators' own refusals included.
+    MemoryError
+        before any work, where the result cannot fit.
+    OSError
+        where a shard cannot be written.
+    """
+    plan = plan_of(pair, te, draws, sampling=sampling, runs=runs, scrambles=scrambles, seed=seed,
+                   correlation=correlation, sensitivity_draws=sensitivity_draws, settle=settle,
+                   record=record, phase=phase, numerics=numerics, shard_runs=shard_runs,
+                   **operation)
+    found, interrupted = carry_out("ensemble", plan.job, folder=folder, executor=executor,
+                                   threads=threads, progress=progress, notes=notes,
+                                   keep_interrupted=keep_interrupted)
+    return dataset_of(plan, found, interrupted)
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """An ensemble's runs.
+
+    Attributes
+    ----------
+    job : Job, all of its runs: those of the draws, then those of the design for sensitivities
+    sample : Sample, of the former
+    design : Sample, of the latter
+    draws : dict of parameter -> Draw; empty where values are listed
+    told : dict, attributes of the result that say how it was drawn
+    """
+
+    job: Job
+    sample: Sample
+    design: Sample
+    draws: dict[str, Draw]
+    told: dict[str, Any]
+
+    @cached_property
+    def cloud(self) -> Cloud:
+        """The runs' oscillators."""
+        assert isinstance(self.job.grid, Cloud)
+        return self.job.grid
+
+
+def plan_of(pair: GearPair, te: TransmissionError, draws: Any, *, sampling: str, runs: int,
+            scrambles: int, seed: int, correlation: Any, sensitivity_draws: int | None,
+            settle: int, record: int, phase: float, numerics: Numerics | None,
+            shard_runs: int | None, **operation: Any) -> Plan:
+    """The checked arguments of `ensemble`, or every problem at once."""
+    taken = Refusals()
+    taken.take(arguments.instance, "pair", pair, GearPair)
+    taken.take(arguments.instance, "te", te, TransmissionError)
+    given, listed = _draws(draws, operation, taken)
+    for key, count, least in (("settle", settle, 0), ("record", record, 1)):
+        taken.take(arguments.whole, key, count, least)
+    if shard_runs is not None:
+        taken.take(arguments.whole, "shard_runs", shard_runs, 1)
+    taken.take(arguments.phase, "phase", phase)
+    if numerics is not None:
+        taken.take(arguments.instance, "numerics", numerics, Numerics)
+    matrix = _sampling(taken, given, listed, sampling=sampling, runs=runs, scrambles=scrambles,
+                       seed=seed, correlation=correlation, sensitivity_draws=sensitivity_draws)
+    taken.raise_if_any("ensemble")
+    if listed:
+        values, extra = listed, 0
+        sample = Sample(len(next(iter(listed.values()))), -1)
+        told: dict[str, Any] = {"sampling": "table"}
+    else:
+        values = drawn(given, shares_of(sampling, runs, len(given), scrambles, seed), matrix)
+        sample = Sample(int(runs), 0 if sampling == "random" else int(scrambles))
+        extra = int(scrambles * (len(given) + 2) * (sensitivity_draws or 0))
+        told = {"sampling": sampling, "seed": int(seed)}
+        told |= {"correlation": matrix.ravel()} if matrix is not None else {}
+    if extra:
+        shares = sensitivity_shares(int(sensitivity_draws or 0), len(given), scrambles, seed)
+        values = {name: np.concatenate([values[name], more])
+                  for name, more in drawn(given, shares).items()}
+    cloud = Cloud(pair, te, values, "run", operation)
+    _check_corners(cloud)
+    size = shard_size(cloud.runs, settle + record, 1, shard_runs)
+    job = Job(cloud, "rest", int(settle), int(record), float(phase),
+              numerics or Numerics(rtol=1e-6), size)
+    return Plan(job, sample, Sample(extra, int(scrambles)), given, told)
+
+
+def _draws(draws: Any, operation: dict[str, Any],
+           taken: Refusals) -> tuple[dict[str, Draw], dict[str, NDArray[np.float64]]]:
+    """The draws, or the values listed; one of the two is empty."""
+    if not isinstance(draws, Mapping) or not draws:
+        taken.problems.append(arguments.wrong("draws", draws, "{parameter: Draw}, one or more, or "
+                                              "{parameter: values}"))
+        return {}, {}
+    for name in draws:
+        taken.take(arguments.choice, "draws", name, parameters())
+        if operation.get(name) is not None:
+            taken.problems.append(arguments.wrong(name, operation[name], "none beside its draw"))
+    if any(isinstance(one, Draw) for one in draws.values()):
+        return {name: taken.take(arguments.instance, f"draws[{name!r}]", one, Draw)
+                for name, one in draws.items()}, {}
+    listed = {}
+    for name, one in draws.items():
+        # Draws are not values: a mapping of neither is told so.
+        listed[name] = taken.take(arguments.reals, f"draws[{name!r}]", one, ndim=1)
+    if len({len(one) for one in listed.values() if one is not None}) > 1:
+        taken.problems.append("draws: as many values of each parameter, not " + ", ".join(
+            f"{len(one)} of {name}" for name, one in listed.items() if one is not None))
+    return {}, listed
+
+
+def _sampling(taken: Refusals, given: dict[str, Draw], listed: Any, *, sampling: str, runs: int,
+              scrambles: int, seed: int, correlation: Any,
+              sensitivity_draws: int | None) -> NDArray[np.float64] | None:
+    """Check how draws are made; returns the matrix of correlations, or None."""
+    known = len(taken.problems)
+    taken.take(arguments.choice, "sampling", sampling, SAMPLINGS)
+    taken.take(arguments.whole, "runs", runs, 1, MOST_RUNS)
+    taken.take(arguments.whole, "scrambles", scrambles, FEWEST, 1000)
+    taken.take(arguments.whole, "seed", seed)
+    if sensitivity_draws is not None:
+        taken.take(arguments.whole, "sensitivity_draws", sensitivity_draws, FEWEST, 2**20)
+    matrix = None
+    if correlation is not None:
+        matrix = taken.take(arguments.reals, "correlation", correlation, ndim=2)
+    if listed:
+        for name, one in (("correlation", correlation), ("sensitivity_draws", sensitivity_draws)):
+            if one is not None:
+                taken.problems.append(f"{name} goes with draws, not with values")
+        return None
+    if len(taken.problems) > known:
+        return None
+    taken.problems += sampling_problems(sampling, runs, scrambles, sensitivity_draws)
+    if matrix is not None:
+        if sensitivity_draws is not None:
+            taken.problems.append("sensitivity_draws: Sobol's sensitivities are of independent "
+                                  "parameters, not with a correlation")
+        problem = correlation_problem(matrix, len(given))
+        taken.problems += [f"correlation: {problem}"] * bool(problem)
+    if sensitivity_draws and scrambles * (len(given) + 2) * sensitivity_draws > MOST_RUNS:
+        taken.problems.append(f"sensitivity_draws: more than {MOST_RUNS} runs")
+    return matrix
+
+
+def _check_corners(cloud: Cloud) -> None:
+    """Refuse what is refused where parameters are extreme together."""
+    if cloud.runs > MAX_INT:
+        raise ValueError(f"ensemble: {cloud.runs} runs, expected at most {MAX_INT}")
+    ends = [sorted({float(values.min()), float(values.max())}) for values in cloud.axes.values()]
+    corners = np.array(list(product(*ends)))
+    points = Cloud(cloud.pair, cloud.te, dict(zip(cloud.axes, corners.T, strict=True)), cloud.line,
+                   cloud.operation).points(0, len(corners))
+    if points.shared.gap == "one_flank" and np.any(points.force < 0):
+        raise ValueError("ensemble: rest with a negative force needs a coast flank to rest on")
+
+
+__all__ = ["ensemble"]

@@ -1,0 +1,101 @@
+"""An ensemble as a deck asks for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lapwing.deck.keys.ensemble import all_runs
+from lapwing.engine import Numerics
+from lapwing.results.findings import endings
+from lapwing.studies import cost
+from lapwing.studies.ensemble.run import ensemble, plan_of
+from lapwing.studies.labels import labels
+from lapwing.studies.map.run import make_part
+from lapwing.studies.map.shards import Job, carried_out
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from lapwing.deck.deck import Asked, Deck
+
+# It keeps what is finished in a folder, while it is under way (`of_deck.compute`).
+KEEPS_SHARDS = True
+# Draws among which those are that are tried for an estimate.
+TRIED = 512
+
+
+def extent(study: Asked) -> tuple[int, str]:
+    """How much of it there is to tell progress by, and in what unit."""
+    return all_runs(study), "runs"
+
+
+def failed(dataset: xr.Dataset) -> str:
+    """What failed numerically, in words; empty text, nothing."""
+    _, _, runs = endings(dataset)
+    runs += int(dataset.attrs["sensitivity_runs_lost"]) * (not int(dataset.attrs["interrupted"]))
+    return f"ensemble {{}} ({runs} runs)" * bool(runs)
+
+
+def carry_out(deck: Deck, study: Asked, order: int, threads: int,
+              done: Callable[[float], None] | None, folder: Path | None = None,
+              notes: Callable[[str], None] | None = None,
+              executor: Executor | None = None) -> xr.Dataset:
+    """One ensemble of a deck; a signal keeps the shards that are finished. See `registry`."""
+    result = ensemble(**_arguments(deck, study), folder=folder, threads=threads, progress=done,
+                      notes=notes, executor=executor, keep_interrupted=True)
+    given = {name: study.operation[name] for name in study.operation
+             if isinstance(study.operation[name], float)}
+    return result.assign_attrs(labels(deck, study) | given)
+
+
+def carry_out_part(deck: Deck, study: Asked, part: int, parts: int, threads: int,
+                   done: Callable[[float], None] | None, folder: Path,
+                   notes: Callable[[str], None] | None = None) -> tuple[int, int]:
+    """Make each `parts`-th shard, from the `part`-th on; see `map.run.make_part`."""
+    return make_part(job(deck, study), folder, part, parts, threads, done, notes)
+
+
+def job(deck: Deck, study: Asked) -> Job:
+    """What is cut into shards."""
+    return plan_of(**_arguments(deck, study)).job
+
+
+def _arguments(deck: Deck, study: Asked) -> dict[str, Any]:
+    """What a deck says of an ensemble, as `ensemble` takes it."""
+    count = len(study.draws)
+    matrix = None if study.correlation is None else \
+        np.array(study.correlation, dtype=float).reshape(count, count)
+    return {"pair": deck.gear_pair, "te": deck.te, "draws": study.draws or study.points,
+            "sampling": study.sampling, "runs": study.runs, "scrambles": study.scrambles,
+            "seed": study.seed, "correlation": matrix,
+            "sensitivity_draws": study.sensitivity_draws, "settle": study.settle_cycles,
+            "record": study.record_cycles, "phase": deck.numerics["start_phase"],
+            "numerics": Numerics(**deck.numerics_of(study)), "shard_runs": study.shard_runs,
+            **study.operation}
+
+
+def estimate(deck: Deck, study: Asked, seconds: float, clock: Callable[[], float],
+             threads: int) -> tuple[float, float, float]:
+    """How long it takes, from some of its runs; see `cost.rates`."""
+    arguments = _arguments(deck, study)
+    if study.draws:
+        arguments |= {"sampling": "random", "runs": TRIED, "sensitivity_draws": None,
+                      "correlation": None}
+    cloud = plan_of(**arguments).cloud
+
+    def tried(part: NDArray[Any]) -> None:
+        values = {name: column[part] for name, column in cloud.axes.items()}
+        carried_out(plan_of(**(arguments | {"draws": values, "shard_runs": part.size})).job, 0)
+
+    low, high, count = cost.rates(tried, np.arange(cloud.runs), seconds, clock)
+    runs = all_runs(study)
+    return low * runs / threads, high * runs / threads, count / runs
+
+
+__all__ = ["carry_out", "carry_out_part", "estimate", "extent", "failed", "job"]
