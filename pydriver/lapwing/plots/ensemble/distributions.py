@@ -82,6 +82,7 @@ def _panel(axis: Axes, data: xr.Dataset, answer: Answer) -> None:
         axis.axvline(float(data.attrs["brake_torque"]), color=style.GREEN, linewidth=1.5,
                      linestyle=(0, (5, 2)))
     axis.margins(x=0.02)
+    axis.yaxis.get_major_locator().set_params(integer=True)
 
 
 def _legend(figure: Figure, data: xr.Dataset) -> None:
