@@ -17,6 +17,7 @@ from lapwing.deck.checks.hints import of_parameters
 from lapwing.deck.checks.magnitudes import warn_of_torques, warn_of_units
 from lapwing.deck.checks.te_table import file_table, flat, formula_table
 from lapwing.deck.deck import Deck
+from lapwing.deck.declare import parameter_name
 from lapwing.deck.problems import Place, nearest
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.oscillator import ParameterError
@@ -97,7 +98,7 @@ def _check_names(studies: list[_GroupReader], report: Report) -> None:
         if reader.keys is None:
             continue
         name, place = reader.keys.own_name, reader.places[reader.keys.named_by]
-        bare = name.lower().strip().rpartition(".")[2] if reader.name == schema.DRAW \
+        bare = parameter_name(name).rpartition(".")[2] if reader.name == schema.DRAW \
             else name.lower()
         if (reader.name, bare) in seen:
             words = "are of" if reader.name == schema.DRAW else "are named"
@@ -328,7 +329,7 @@ class Studies:
                                             f"{others[0]}; vary that, or give {bare} instead")
                     return None
         if bare == "parabola_amplitude" and not self.parabola:
-            self.report.add(place, f"parameter = {name!r} goes with a parabola_amplitude in "
+            self.report.add(place, f"{word} = {name!r} goes with a parabola_amplitude in "
                                    "&transmission_error that is not 0")
             return None
         return known[bare]

@@ -33,7 +33,8 @@ def expected(name: str, group: str) -> str:
 
 def clash(name: str, others: Iterable[str]) -> str:
     """What is wrong where one of a set of which a deck gives one is varied beside another."""
-    for names in (names for model in schema.GROUPS.values() for names in model.exclusive):
+    sets = [names for model in schema.GROUPS.values() for names in model.exclusive]
+    for names in (*sets, ("te_scale", "parabola_amplitude")):
         both = [other for other in others if {other, name} <= set(names) and other != name]
         if both:
             return f"{name} and {both[0]} say the same; expected one of them"

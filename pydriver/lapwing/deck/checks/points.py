@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from lapwing.base.messages import cut
 from lapwing.base.text_file import TextFileError, decimal_number, read_text
 from lapwing.deck.checks.drawn import clash, expected, out_of_range
+from lapwing.deck.declare import parameter_name
 from lapwing.deck.problems import Place
 from lapwing.model.transmission_error.file import rows_of
 
@@ -78,7 +79,7 @@ def _columns(path: Path, line: int, header: list[str], builder: Studies,
     """(key, its group) of each column."""
     columns: list[tuple[str, str]] = []
     for i, field in enumerate(header, 1):
-        name = field.strip().lower()
+        name = parameter_name(field)
         place = Place(str(path), line, i)
         if decimal_number(name)[0] is not None:
             builder.report.add(place, f"{cut(field)} is a number; expected a header that names "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Literal
 
-from lapwing.deck.declare import Group, key
+from lapwing.deck.declare import Group, key, parameter_name
 from lapwing.model.draw import LAWS, NUMBERS, Draw
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class DrawKeys(Group):
     def draw(self, builder: Studies, reader: _GroupReader) -> tuple[str, str, Draw] | None:
         """(parameter, its group, Draw), or None; what is wrong goes to the builder's report."""
         report = builder.report
-        name = self.parameter.strip().lower()
+        name = parameter_name(self.parameter)
         group = builder.parameter(reader, name)
         wrong = self._misplaced(reader)
         for text in wrong:

@@ -30,7 +30,7 @@ from lapwing.studies.ensemble.points import Cloud, drawn, sensitivity_shares, sh
 from lapwing.studies.ensemble.statistics import Sample
 from lapwing.studies.map.run import carry_out
 from lapwing.studies.map.shards import Job, shard_size
-from lapwing.studies.sweep.varied import parameters
+from lapwing.studies.sweep.varied import OF_CURVE, parameters
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -174,6 +174,8 @@ def _draws(draws: Any, operation: dict[str, Any],
         taken.take(arguments.choice, "draws", name, parameters())
         if operation.get(name) is not None:
             taken.problems.append(arguments.wrong(name, operation[name], "none beside its draw"))
+    if set(OF_CURVE) <= set(draws):
+        taken.problems.append(f"draws: expected one of {' and '.join(OF_CURVE)}")
     if any(isinstance(one, Draw) for one in draws.values()):
         return {name: taken.take(arguments.instance, f"draws[{name!r}]", one, Draw)
                 for name, one in draws.items()}, {}
@@ -226,10 +228,11 @@ def _check_corners(cloud: Cloud) -> None:
         raise ValueError(f"ensemble: {cloud.runs} runs, expected at most {MAX_INT}")
     ends = [sorted({float(values.min()), float(values.max())}) for values in cloud.axes.values()]
     corners = np.array(list(product(*ends)))
-    points = Cloud(cloud.pair, cloud.te, dict(zip(cloud.axes, corners.T, strict=True)), cloud.line,
-                   cloud.operation).points(0, len(corners))
-    if points.shared.gap == "one_flank" and np.any(points.force < 0):
-        raise ValueError("ensemble: rest with a negative force needs a coast flank to rest on")
+    extreme = Cloud(cloud.pair, cloud.te, dict(zip(cloud.axes, corners.T, strict=True)), cloud.line,
+                    cloud.operation)
+    for oscillator in map(extreme.oscillator, range(len(corners))):
+        if oscillator.gap == "one_flank" and oscillator.force < 0:
+            raise ValueError("ensemble: rest with a negative force needs a coast flank to rest on")
 
 
 __all__ = ["ensemble"]
