@@ -29,7 +29,7 @@ DECKS = {
                        "the classical resonance of gear rattle.",
     "plane_25x32": "Every combination of speed and braking torque for the smooth transmission "
                    "error.",
-    "tolerances_25x32": "A thousand pairs with manufacturing tolerances: which torque keeps 99 % of "
+    "tolerances_25x32": "Pairs with manufacturing tolerances: which torque keeps 99 % of "
                         "them together?",
     "minimal": "The shortest deck.",
 }
