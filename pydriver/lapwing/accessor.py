@@ -160,6 +160,8 @@ class LapwingAccessor:
         """Names of the figures that this Dataset can be drawn as, methods of this object."""
         from lapwing.plots import shows
 
+        if "stable_range" in self._dataset.dims:
+            return ("bifurcation",) if shows("bifurcation", self._dataset) else ()
         return tuple(module.rpartition(".")[2] for study in STUDIES.values()
                      if study.kind == self._kind() for module in study.figures
                      if shows(module, self._dataset))

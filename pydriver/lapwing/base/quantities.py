@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lapwing.base.codes import EventKind, Flank, MotionState, SearchStage, Status
+from lapwing.base.codes import (
+    BranchOutcome,
+    EventKind,
+    Flank,
+    MotionState,
+    SearchStage,
+    SpecialPoint,
+    Status,
+)
 from lapwing.base.registry import give_accessor
 
 if TYPE_CHECKING:
@@ -85,7 +93,9 @@ STABILITY = NUMBERS | {
 }
 CODES: dict[str, type[IntEnum]] = {
     "status": Status, "motion_state": MotionState, "event_kind": EventKind, "kind": EventKind,
-    "impact_flank": Flank, "trial_stage": SearchStage}
+    "impact_flank": Flank, "trial_stage": SearchStage, "special_kind": SpecialPoint,
+    "special_outcome": BranchOutcome, "special_flank": Flank, "range_low_kind": SpecialPoint,
+    "range_high_kind": SpecialPoint}
 RATE = "rad per tau"
 # Columns of each table, in the engine's order: name -> unit. Velocities of an event are relative
 # to the flank touched; `t` is the time since the cycle's beginning; `flight_depth` the greatest
@@ -203,6 +213,21 @@ DESCRIPTIONS: dict[str, tuple[str | None, str]] = {
     "claim_value": (None, "parameter value a source reports on"),
     "claim_deepest_separation": ("rad", "deepest separation a source reports"),
     "claim_text": (None, "what a source reports, in words"),
+    "branch": ("1", "number of the branch, from 1"),
+    "cycles": ("1", "mesh cycles after which the motion repeats"),
+    "stable": ("1", "whether both multipliers are below one in magnitude"),
+    "rank": ("1", "numbers of a deviation that are left: 2, 1 after chatter, 0 after rigid rest"),
+    "strobe_point": ("1", "point that the section belongs to, from 0"),
+    "special_branch": ("1", "number of the branch, from 1"),
+    "special_kind": (None, "what happens at the special point"),
+    "special_outcome": (None, "what becomes of the branch at the special point"),
+    "special_flank": (None, "flank concerned"),
+    "special_phase": ("1", "mesh phase at which it happens, in mesh periods"),
+    "special_phi": ("rad", "relative angle at mesh phase 0"),
+    "range_branch": ("1", "number of the branch, from 1"),
+    "range_cycles": ("1", "mesh cycles after which the motion repeats"),
+    "range_low_kind": (None, "special point at the lower end of the stable range"),
+    "range_high_kind": (None, "special point at the upper end of the stable range"),
     **{name: (one.units, one.long_name) for name, one in PARAMETERS.items()},
 }
 

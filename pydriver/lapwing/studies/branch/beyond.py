@@ -126,6 +126,9 @@ def _lost(follower: Follower, crossing: Crossing, place: Place) -> tuple[Special
     else:
         kind = Kind.GRAZING
         words = "a contact is lost" if Happening.GO_ON in kinds else "an impact is lost"
+    if _jumps(follower, place, flank) and _rebound_is_none(place, together[0]):
+        return _found(follower, crossing, place, Kind.REBOUND,
+                      "the speed after an impact passes zero", None)
     arrives = Happening.REBOUND in kinds or Happening.GO_ON in kinds
     if _jumps(follower, place, flank) and arrives:
         return _found(follower, crossing, place, kind, words, None)
@@ -136,6 +139,18 @@ def _lost(follower: Follower, crossing: Crossing, place: Place) -> tuple[Special
     if after is None:
         after = _asked(follower, place)
     return _found(follower, crossing, place, kind, words, after)
+
+
+def _rebound_is_none(place: Place, event: int) -> bool:
+    """Whether the arc to an event has no length although the tooth arrived before with some speed.
+
+    The impact at its beginning then left none.
+    """
+    layout, before = place.layout, int(place.layout.before[event])
+    away = place.z[2 * event] - place.z[2 * before]
+    away -= layout.cycles * round(away / layout.cycles)
+    return bool(abs(away) < TOGETHER and layout.arrivals[before]
+                and place.z[2 * before + 1] > NO_SPEED)
 
 
 def _closed(kinds: list[Happening]) -> bool:

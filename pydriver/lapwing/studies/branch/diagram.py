@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lapwing.base.quantities import worded
+from lapwing.base import quantities
 from lapwing.studies.branch.motion.layout import Happening
 from lapwing.studies.branch.motion.witness import states_at
 from lapwing.studies.branch.run import Branch
@@ -16,6 +16,13 @@ from lapwing.studies.branch.special import Kind, Point
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+# Columns in the unit of the parameter.
+VALUES = {"value": "of each point", "special_value": "of each special point",
+          "special_error": "by how much that of a special point may be off",
+          "range_low": "lower end of each stable range",
+          "range_high": "upper end of each stable range"}
 
 
 def table(found: Sequence[Branch], parameter: str, low: float, high: float) -> xr.Dataset:
@@ -73,7 +80,11 @@ def table(found: Sequence[Branch], parameter: str, low: float, high: float) -> x
              for i, (name, kind) in enumerate((
                  ("branch", int), ("low", float), ("high", float), ("low_kind", np.int8),
                  ("high_kind", np.int8), ("cycles", int)))}
-    return worded(xr.Dataset(data, attrs={"parameter": parameter, "low": low, "high": high}))
+    table = xr.Dataset(data, attrs={"parameter": parameter, "low": low, "high": high})
+    known = quantities.parameter(parameter)
+    for name, words in VALUES.items():
+        table[name].attrs = {"units": known.units, "long_name": f"{known.words}, {words}"}
+    return quantities.worded(table)
 
 
 def _whole(numbers: Any) -> np.ndarray:

@@ -10,32 +10,33 @@ import numpy as np
 
 from lapwing.base import arguments
 from lapwing.base.arguments import Refusals
-from lapwing.base.codes import MotionState, Status
+from lapwing.base.codes import MotionState
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.transmission_error import TransmissionError
 from lapwing.studies.branch.motion.witness import states_at
 from lapwing.studies.branch.run import Branch, branch
+from lapwing.studies.branch.seeds import MOST_CYCLES, find
 from lapwing.studies.branch.special import Kind, Outcome
+from lapwing.studies.critical.starts import StartGrid
 from lapwing.studies.orbit import NoOrbit, find_orbit
-from lapwing.studies.sweep.run import sweep
 from lapwing.studies.sweep.varied import oscillator_at, parameters
 
 if TYPE_CHECKING:
     import xarray as xr
 
-MOST_CYCLES = 24
 # Two motions whose states differ by less, parts of the motion's size, are one.
 ONE_MOTION = 1e-7
 
 
 def branches(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torque", low: float,
-             high: float, seeds: int = 41, settle: int = 400, doublings: int = 2,
-             points: int = 2000, progress: Callable[[float], None] | None = None,
-             **operation: Any) -> xr.Dataset:
+             high: float, seeds: int = 41, starts: StartGrid | None = None, settle: int = 400,
+             doublings: int = 2, points: int = 2000,
+             progress: Callable[[float], None] | None = None, **operation: Any) -> xr.Dataset:
     """The branches of the periodic motions that sweeps find, each followed to both of its ends.
 
-    1. A sweep of `seeds` values from `low` to `high`: from rest, and carried both ways.
-    2. Each periodic motion of it (up to 24 mesh cycles) that lies on no branch yet begins one.
+    1. Motions at `seeds` values from `low` to `high`: from rest, carried both ways, and from a grid
+       of starts at each value.
+    2. Each periodic one (up to 24 mesh cycles) that lies on no branch yet begins one.
     3. At each period doubling the branch of twice the period is followed, so many times over.
 
     A motion that no such branch reaches is not in the diagram: what is not shown may exist.
@@ -47,6 +48,7 @@ def branches(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_t
     parameter : str, a number of the pair or its operation, as of `sweep`
     low, high : float, range of the parameter
     seeds : int, values of the sweep
+    starts : StartGrid or None, of each value; None: rest and the carried motions alone
     settle : int, mesh cycles at each value before a motion is looked at
     doublings : int, how many times a branch of twice the period is followed
     points : int, the most points of a branch either way
@@ -64,41 +66,40 @@ def branches(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_t
     """
     from lapwing.studies.branch.diagram import table
 
-    low, high, numbers = _checked(pair, te, parameter, low, high, progress, {
+    low, high, numbers = _checked(pair, te, parameter, low, high, starts, progress, {
         "seeds": (seeds, 2), "settle": (settle, 1), "doublings": (doublings, 0),
         "points": (points, 1)})
     make = partial(oscillator_at, pair, te, parameter, operation=operation)
     values = np.linspace(low, high, numbers["seeds"])
-    swept = sweep(pair, te, parameter=parameter, values=values, starts=("rest", "up", "down"),
-                  settle=numbers["settle"], record=2 * MOST_CYCLES, observe=("cycles",),
-                  **operation)
+    looked = find(pair, te, parameter, values, operation, starts, numbers["settle"])
     found: list[Branch] = []
     lost = 0
-    motions = list(_periodic(swept, parameter))
-    for count, (value, state, cycles) in enumerate(motions):
-        if not on_one(found, value, state, cycles):
+    for count, seed in enumerate(looked.seeds):
+        if not on_one(found, seed.value, seed.state, seed.cycles):
             try:
-                orbit = find_orbit(make(value), state, cycles)
-                one = branch(orbit, make, value=value, low=low, high=high,
+                orbit = find_orbit(make(seed.value), seed.state, seed.cycles)
+                one = branch(orbit, make, value=seed.value, low=low, high=high,
                              points=numbers["points"])
                 found += [one, *_doubled(one, numbers["doublings"], numbers["points"])]
             except NoOrbit:
                 lost += 1
         if progress is not None:
-            progress((count + 1) / len(motions))
+            progress((count + 1) / len(looked.seeds))
     return table(found, parameter, low, high).assign_attrs(
         seeds=numbers["seeds"], settle=numbers["settle"], doublings=numbers["doublings"],
-        motions=len(motions), motions_lost=lost,
-        aperiodic=int(np.sum((swept["period"] == 0) & (swept["status"] == Status.OK))))
+        motions=looked.motions, engaged=looked.engaged, aperiodic=looked.aperiodic,
+        failed=looked.failed, lost=lost)
 
 
-def _checked(pair: Any, te: Any, parameter: Any, low: Any, high: Any, progress: Any,
+def _checked(pair: Any, te: Any, parameter: Any, low: Any, high: Any, starts: Any, progress: Any,
              whole: dict[str, tuple[Any, int]]) -> tuple[float, float, dict[str, int]]:
     """Range and whole numbers, or every problem at once."""
     taken = Refusals()
     taken.take(arguments.instance, "pair", pair, GearPair)
     taken.take(arguments.instance, "te", te, TransmissionError)
     taken.take(arguments.choice, "parameter", parameter, parameters())
+    if starts is not None:
+        taken.take(arguments.instance, "starts", starts, StartGrid)
     ends = [taken.take(arguments.real, name, value) for name, value in
             (("low", low), ("high", high))]
     numbers = {name: taken.take(arguments.whole, name, value, least, 1_000_000)
@@ -109,17 +110,6 @@ def _checked(pair: Any, te: Any, parameter: Any, low: Any, high: Any, progress: 
         taken.problems.append(f"low = {ends[0]:g} must be below high = {ends[1]:g}")
     taken.raise_if_any("branches")
     return ends[0], ends[1], numbers
-
-
-def _periodic(swept: xr.Dataset, parameter: str) -> Iterator[tuple[float, Any, int]]:
-    """Value, state at phase 0 and cycles of each motion of a sweep that repeats."""
-    period = swept["period"].values
-    for i, j in np.ndindex(period.shape):
-        cycles = int(period[i, j])
-        if not 0 < cycles <= MOST_CYCLES or swept["status"].values[i, j] != Status.OK:
-            continue
-        state = [float(swept[name].values[i, j, -1]) for name in ("motion_state", "phi", "phi_dot")]
-        yield (float(swept[parameter].values[j]), (MotionState(int(state[0])), *state[1:]), cycles)
 
 
 def on_one(found: Sequence[Branch], value: float, state: tuple[MotionState, float, float],

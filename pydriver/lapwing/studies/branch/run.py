@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -26,6 +25,8 @@ from lapwing.studies.orbit import NoOrbit, Orbit, find_orbit
 
 NUMBERS = ("force", "mesh_frequency_ratio", "damping_ratio", "restitution", "backlash",
            "gear_ratio")
+# Values nearer to each other, parts of the range, are one.
+ROUNDED = 1e-13
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -81,18 +82,21 @@ class Branch:
 
     def at(self, value: float) -> tuple[Point, ...]:
         """The branch at one value of the parameter: a point for each time that it passes it."""
-        found = []
-        for one, two in pairwise(self.points):
-            near = one if abs(one.value - value) < abs(two.value - value) else two
-            if (one.value - value) * (two.value - value) <= 0 and one.value != value:
-                place = near.place
-                z = place.z.copy()
-                z[-1] = value / self.follower.problem.unit
-                try:
-                    z = at_value(self.follower.problem, place.layout, z)
-                    found.append(self.follower.point(Place(place.layout, z, place.tangent)))
-                except NotCorrected:
-                    continue
+        problem, found = self.follower.problem, []
+        away = self.values - value
+        away[np.abs(away) < ROUNDED * problem.unit] = 0.0
+        for k in range(len(away)):
+            last = away[k - 1] if k else math.nan
+            if away[k] != 0 and not away[k] * last < 0:
+                continue
+            place = self.points[k if not abs(last) < abs(away[k]) else k - 1].place
+            z = place.z.copy()
+            z[-1] = value / problem.unit
+            try:
+                z = at_value(problem, place.layout, z)
+            except NotCorrected:
+                continue
+            found.append(self.follower.point(Place(place.layout, z, place.tangent)))
         return tuple(found)
 
     def switched(self, special: Special, points: int = 2000) -> Branch:

@@ -4,51 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lapwing.base.codes import BranchOutcome as Outcome
+from lapwing.base.codes import SpecialPoint as Kind
 from lapwing.studies.branch.motion.curve import Place
 
-
-class Kind(IntEnum):
-    """What happens at a special point of a branch.
-
-    FOLD, PERIOD_DOUBLING, TORUS, BRANCH_POINT: a multiplier, or a pair, has magnitude one.
-    GRAZING: a flight touches a flank, or an impact comes to nothing.
-    RELEASE: a contact touches its end from inside, or a flight behind a release comes to nothing.
-    REBOUND: the speed after an impact passes zero.
-    CHATTER: bounces no longer die out.
-    KINK: an impact comes upon a kink of the transmission error.
-    KNOT: an event passes a place where the curvature alone jumps; this is no bifurcation.
-    LIMIT: the end of the range asked for. CLOSED: the branch comes back to where it began.
-    POINTS: as many points as were asked for. UNRESOLVED: what ends it was not found out.
-    """
-
-    FOLD = 1
-    PERIOD_DOUBLING = 2
-    TORUS = 3
-    BRANCH_POINT = 4
-    GRAZING = 5
-    RELEASE = 6
-    REBOUND = 7
-    CHATTER = 8
-    KINK = 9
-    KNOT = 10
-    LIMIT = 11
-    CLOSED = 12
-    POINTS = 13
-    UNRESOLVED = 14
-
-
-class Outcome(IntEnum):
-    """What becomes of the branch there: it goes on the same way, turns back, or ends."""
-
-    PERSISTS = 1
-    TURNS_BACK = 2
-    ENDS = 3
+__all__ = ["Kind", "Outcome", "Point", "Special"]
 
 
 @dataclass(frozen=True, eq=False)

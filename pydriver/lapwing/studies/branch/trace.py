@@ -40,6 +40,8 @@ from lapwing.studies.branch.special import Kind, Outcome, Point, Special
 
 # Steps in the measure of length: mesh periods, scaled speeds, parts of the range.
 FIRST_STEP, LONGEST, SHORTEST = 1e-3, 0.1, 1e-10
+# The first step onto a branch that crosses another: nearer to the crossing nothing is told apart.
+SWITCHED = 1e-2
 # After a border the multipliers change fast; the first step is short and each is twice the last.
 AFTER_BORDER = 1e-6
 # Cosine of the most that the tangent may turn in one step.
@@ -252,7 +254,7 @@ def follow(follower: Follower, start: Place, most: int, beyond: Beyond,
     """
     points = [follower.point(start)]
     specials: list[tuple[int, Special]] = []
-    place, step, turns = start, FIRST_STEP, _turns(follower, start)
+    place, step, turns = start, SWITCHED if critical else FIRST_STEP, _turns(follower, start)
     here = replace(points[0], trace=math.nan) if critical else points[0]
 
     def ended(kind: Kind, words: str) -> Path:

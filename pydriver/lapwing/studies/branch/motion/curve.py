@@ -16,9 +16,10 @@ from lapwing.studies.branch.motion.flank_motion import FlankMotion, Motions
 from lapwing.studies.branch.motion.layout import Layout
 
 MOST_CORRECTIONS = 12
-# A correction this small against the unknowns is rounding; one that no longer shrinks, and is
-# smaller than `CLOSE`, too.
-DONE, CLOSE = 1e-14, 1e-10
+# A correction this small is rounding; so is one that no longer shrinks, is smaller than `CLOSE`,
+# and leaves the equations off by no more than `SOLVED`: close to where branches cross the matrix
+# is nearly singular and magnifies the last digits.
+DONE, CLOSE, SOLVED = 1e-14, 1e-8, 1e-11
 # Larger systems are solved as sparse ones, by one thread.
 MOST_DENSE = 40
 # Part of the parameter's scale over which the equations are differenced: error 1e-10 of the
@@ -189,13 +190,13 @@ def corrected(problem: Problem, layout: Layout, z: NDArray[Any], row: NDArray[An
         size = float(np.max(np.abs(step)))
         if size > 10.0:
             raise NotCorrected("far away")
-        if size >= 0.5 * before and before < CLOSE:
+        if size >= 0.5 * before and before < CLOSE and np.max(np.abs(found)) < SOLVED:
             return best, count
         z = z + step
         best, before = z, size
         if size < DONE:
             return z, count
-    if before < CLOSE:
+    if before < CLOSE and np.max(np.abs(problem.residual(layout, z))) < SOLVED:
         return z, most
     raise NotCorrected(f"still off by {before:.1e}")
 

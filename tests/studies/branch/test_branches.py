@@ -1,0 +1,95 @@
+"""Branches from what a sweep finds: their table, its figure, what ends rattling."""
+
+import numpy as np
+import pytest
+
+import lapwing
+from helpers import PAIR, SHIPPED, scene_a
+from lapwing.base.codes import SpecialPoint
+from lapwing.studies.branch.family import on_one
+from lapwing.studies.branch.run import branch
+
+SCENE_A = {"pinion_speed_rpm": 240, "impact_law": "absolute"}
+
+
+@pytest.fixture(scope="module")
+def upper():
+    """The torques about which rattling that was raised slowly dies, scene A."""
+    return lapwing.branches(PAIR, SHIPPED, low=12.15, high=12.4, seeds=6,
+                            starts=lapwing.StartGrid(2, 2, 1), settle=400, doublings=1, **SCENE_A)
+
+
+def test_ranges_end_where_special_points_lie(upper):
+    assert upper.sizes["stable_range"] >= 3
+    for end in ("low", "high"):
+        kinds = upper[f"range_{end}_kind"].values
+        for value, kind, number in zip(upper[f"range_{end}"].values, kinds,
+                                       upper["range_branch"].values, strict=True):
+            mine = (upper["special_branch"] == number) & (upper["special_kind"] == kind)
+            nearest = np.abs(upper["special_value"].values[mine.values] - value).min()
+            assert nearest == 0
+    assert SpecialPoint.REBOUND in upper["range_high_kind"].values
+    assert np.all(upper["range_low"] <= upper["range_high"])
+    assert np.all((upper["value"] >= 12.15) & (upper["value"] <= 12.4))
+
+
+def test_what_an_end_means(upper):
+    """Just below it the motion is there, and simulating agrees; just above it is not."""
+    high = upper.isel(stable_range=upper["range_high_kind"].values == SpecialPoint.REBOUND)
+    for k in range(min(2, high.sizes["stable_range"])):
+        end, number = float(high["range_high"][k]), int(high["range_branch"][k])
+        points = np.flatnonzero(upper["branch"].values == number)
+        nearest = points[np.argmin(np.abs(upper["value"].values[points] - end))]
+        phi = upper["phi"].values[upper["strobe_point"].values == nearest]
+        phi_dot = upper["phi_dot"].values[upper["strobe_point"].values == nearest]
+        cycles = int(upper["cycles"][nearest])
+        # The branch's own motion a little below its end, and the same start above it.
+        arrivals = 20 * int(upper["arrivals"][nearest])
+        for torque, stays in ((end - 1e-4, True), (end + 1e-4, False)):
+            run = lapwing.simulate(scene_a(torque), (0, phi[0], phi_dot[0]), cycles=400 * cycles)
+            last = run.cycles["impacts"].values[run.cycles["complete"].values > 0][-20 * cycles:]
+            assert (last.sum() == arrivals) == stays
+
+
+def test_no_motion_of_the_seeds_is_missed(upper):
+    """Each periodic motion lies on a branch, and none has two of the same."""
+    assert upper.attrs["lost"] == 0 and upper.attrs["failed"] == 0
+    assert upper.attrs["engaged"] + upper.attrs["aperiodic"] < upper.attrs["motions"]
+    orbit = lapwing.find_orbit(scene_a(5.5), settle=200)
+    found = branch(orbit, "brake_torque", low=5.4, high=5.6)
+    other = lapwing.find_orbit(scene_a(5.57), orbit.state)
+    assert on_one([found], 5.57, other.state, 1)
+    state, phi, phi_dot = other.state
+    assert not on_one([found], 5.57, (state, 0.99 * phi, phi_dot), 1)
+    assert not on_one([found], 5.57, other.state, 2)
+
+
+def test_the_table_is_stored_and_drawn(upper, tmp_path):
+    import xarray as xr
+
+    upper.to_netcdf(tmp_path / "diagram.nc")
+    with xr.open_dataset(tmp_path / "diagram.nc") as read:
+        figure = read.load().lapwing.bifurcation(title="scene A")
+    section, arrivals, _ = figure.axes
+    assert figure.get_suptitle() == "scene A"
+    assert section.get_xlim() == (12.15, 12.4)
+    dashed = [line for line in section.lines if line.get_linestyle() == "--"]
+    assert len(section.lines) > upper.sizes["stable_range"] and dashed
+    assert arrivals.get_xlabel() == "braking torque (N·m)"
+    table = upper.lapwing.table("special")
+    assert "rebound" in set(table["special_kind"])
+
+
+def test_a_range_without_rattling_is_said_so():
+    empty = lapwing.branches(PAIR, SHIPPED, low=13.0, high=13.5, seeds=2, settle=50, **SCENE_A)
+    assert empty.sizes["point"] == 0 and empty.attrs["engaged"] == empty.attrs["motions"] == 6
+    words = [text.get_text() for axis in lapwing.plots.figure_of("bifurcation", empty).axes
+             for text in axis.texts]
+    assert "no periodic motion with events was found" in words
+
+
+def test_what_branches_refuse():
+    with pytest.raises(ValueError, match="must be below"):
+        lapwing.branches(PAIR, SHIPPED, low=2.0, high=1.0, **SCENE_A)
+    with pytest.raises(ValueError, match="parameter"):
+        lapwing.branches(PAIR, SHIPPED, parameter="torque", low=1.0, high=2.0, **SCENE_A)
