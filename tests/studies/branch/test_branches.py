@@ -93,3 +93,16 @@ def test_what_branches_refuse():
         lapwing.branches(PAIR, SHIPPED, low=2.0, high=1.0, **SCENE_A)
     with pytest.raises(ValueError, match="parameter"):
         lapwing.branches(PAIR, SHIPPED, parameter="torque", low=1.0, high=2.0, **SCENE_A)
+
+
+def test_the_curve_may_be_what_varies():
+    """Half the transmission error under half the force is the same motion at half the size."""
+    def scaled(factor):
+        return lapwing.Oscillator(
+            factor * lapwing.TransmissionError.harmonic([1.0]), force=1.0, mesh_frequency_ratio=1.0,
+            restitution=0.7, backlash=1e3, damping_ratio=0.1)
+
+    orbit = lapwing.find_orbit(scaled(1.0), (0, -6.594392851053709, 0.5876402982244335))
+    found = branch(orbit, scaled, value=1.0, low=0.5, high=1.1)
+    fold, = [one for one in found.specials if one.kind is SpecialPoint.FOLD]
+    assert fold.value == pytest.approx(np.pi * 0.3 / 1.7, rel=1e-12)

@@ -165,11 +165,11 @@ class Motions:
     """Flank motions of oscillators that differ in force alone are the same one."""
 
     def __init__(self) -> None:
-        self._kept: OrderedDict[tuple[float, ...], FlankMotion] = OrderedDict()
+        self._kept: OrderedDict[tuple[Any, ...], FlankMotion] = OrderedDict()
 
     def of(self, osc: Oscillator) -> FlankMotion:
         """The flank motion of an oscillator."""
-        key = (osc.mesh_frequency_ratio, osc.damping_ratio, osc.flank_scale)
+        key = (osc.te, osc.mesh_frequency_ratio, osc.damping_ratio, osc.flank_scale)
         if key not in self._kept:
             if len(self._kept) >= MOST_KEPT:
                 self._kept.popitem(last=False)
