@@ -138,12 +138,16 @@ def refuse_others(deck: Deck, folder: Path, there: Present, force: bool) -> None
                       "What differs:\n" + "\n".join(f"  {line}" for line in changes))
 
 
-def formats_in(manifest: Manifest | None) -> tuple[str, ...]:
-    """Formats of figures that a manifest lists; of the curve's figure, which all results have."""
+def drawn_in(manifest: Manifest | None) -> set[str]:
+    """Which figures a manifest says were asked for (`plots.choice.asked`)."""
+    if manifest is None:
+        return set()
+    if manifest.figures is not None:
+        return set(manifest.figures)
+    # Of builds that drew every figure: that of the curve, which all results have, tells in what.
     from lapwing.plots import FORMATS, TE_FIGURE
 
-    return () if manifest is None else tuple(
-        suffix for suffix in FORMATS if f"{TE_FIGURE}.{suffix}" in manifest.files)
+    return {f"{suffix} all" for suffix in FORMATS if f"{TE_FIGURE}.{suffix}" in manifest.files}
 
 
 def read_text(path: Path) -> str:

@@ -25,13 +25,14 @@ from lapwing.folder import (
     SUMMARY,
     USED_DECK,
     Present,
+    drawn_in,
     figures_of,
     folder_of,
-    formats_in,
     present_in,
     read_text,
     refuse_others,
 )
+from lapwing.plots.choice import FORMATS_OF, asked, covers
 from lapwing.results.shards import discard_studies
 from lapwing.results.store import (
     COMPLETE,
@@ -54,8 +55,6 @@ if TYPE_CHECKING:
     from lapwing.plots.pool import DrawingPool
     from lapwing.studies.of_deck import Found
 
-# Formats of figures by what is asked for.
-FIGURES = {"none": (), "png": ("png",), "all": ("png", "pdf")}
 # Of a folder in which an interrupted run keeps what it finished beside complete results.
 INTERRUPTED = ".interrupted"
 
@@ -110,7 +109,8 @@ def run_deck(deck: Deck, parent: str | os.PathLike[str], *, threads: int | None 
         default `threads.default_threads`
     force : bool, whether results of the same values are computed anew, and others are replaced
     progress : object with `study(label, total, unit)` giving a callable(fraction), or None
-    figures : 'none', 'png' or 'all' (PNG and PDF); formats that are there already are kept up
+    figures : 'none', 'png' (those that the deck asks for) or 'all' (every one, PNG and PDF); those
+        drawn already are kept up
     executor : concurrent.futures.Executor or None, which carries out the shards of large studies;
         its workers see `parent`
 
@@ -130,7 +130,8 @@ def run_deck(deck: Deck, parent: str | os.PathLike[str], *, threads: int | None 
     """
     arguments.instance("deck", deck, Deck)
     threads, force = checked_threads(threads), arguments.flag("force", force)
-    formats = FIGURES[arguments.choice("figures", figures, FIGURES)]
+    words = asked(arguments.choice("figures", figures, FORMATS_OF), {
+        (kind, one.name): one.figures for kind, some in deck.studies.items() for one in some})
     if progress is not None:
         arguments.function("progress.study", getattr(progress, "study", None))
     folder = folder_of(deck.stem, arguments.path("parent", parent))
@@ -139,23 +140,22 @@ def run_deck(deck: Deck, parent: str | os.PathLike[str], *, threads: int | None 
         recover(folder)
         there = present_in(folder)
         refuse_others(deck, folder, there, force)
-        return _Run(deck, folder, there, threads, progress, formats, executor).carry_out(force)
+        return _Run(deck, folder, there, threads, progress, words, executor).carry_out(force)
 
 
 class _Run:
     """One deck under way, its folder locked."""
 
     def __init__(self, deck: Deck, folder: Path, there: Present, threads: int, progress: Any,
-                 formats: tuple[str, ...], executor: Executor | None) -> None:
+                 words: set[str], executor: Executor | None) -> None:
         self.executor = executor
         self.deck, self.folder, self.there, self.threads = deck, folder, there, threads
         self.report = progress.study if progress else (lambda *_: (lambda _: None))
         self.inputs = used_hash(deck)
         self.notes: list[str] = []
-        present = formats_in(there.manifest)
-        # What was asked for is there already; formats once drawn are drawn again with the rest.
-        self.drawn_already = set(formats) <= set(present)
-        self.formats = tuple(sorted({*formats, *present}, reverse=True))
+        drawn = drawn_in(there.manifest)
+        self.drawn_already = covers(drawn, words)
+        self.words = sorted(words | drawn)  # what was drawn once is drawn again with the rest
         self.aside = folder.with_name(folder.name + INTERRUPTED)
         self.shards = folder.with_name(folder.name + SHARDS)
         # A verified result file that lacks nothing, and its checksums, where there is one.
@@ -259,7 +259,7 @@ class _Run:
             manifest = Manifest.of(
                 staging.path, state=COMPLETE if drawn and not undrawn else INCOMPLETE,
                 inputs=self.inputs, program=__version__, engine=engine_digest(),
-                variables=variables)
+                variables=variables, figures=self.words)
             taken: Sequence[str] = ()
             with contextlib.suppress(KeyboardInterrupt), held():
                 taken = staging.publish(manifest, known)
@@ -310,12 +310,12 @@ class _Run:
         from lapwing.plots import FigureError, draw_all
         from lapwing.results import read_results
 
-        if not self.formats:
+        if not self.words:
             return {}, False
         done = self.report("figures", 100, "%")
         with read_results(folder / RESULT_FILE, check=False) as results:
             try:
-                draw_all(results, folder, formats=self.formats, progress=done, pool=pool)
+                draw_all(results, folder, words=self.words, progress=done, pool=pool)
             except FigureError as error:
                 if error.of_surroundings and self.there.complete:  # which lack nothing: they stay
                     probe(folder)
@@ -389,7 +389,7 @@ def plot_file(path: Path, folder: Path | None = None, threads: int = 1,
                     failures, of_surroundings = error.failures, error.of_surroundings
             names = sorted(one.name for one in aside.iterdir())
             own = figures_of(results) if folder.resolve() == path.parent.resolve() else ()
-            taken = add_files(folder, aside, own)
+            taken = add_files(folder, aside, own, figures=asked("all", {}))
         finally:
             shutil.rmtree(aside, ignore_errors=True)
     written = [folder / name for name in names if name not in taken]

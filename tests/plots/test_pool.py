@@ -78,7 +78,7 @@ def test_a_figure_that_fails_is_named_and_the_others_are_drawn(file, alone, tmp_
 def test_a_process_that_dies_takes_one_figure_with_it(file, alone, tmp_path):
     with read_results(file) as results, DrawingPool(2) as pool:
         tasks = plots.tasks_of(results)
-        outcomes = pool.draw(results.path, tasks, tmp_path, FORMATS)
+        outcomes = pool.draw(results.path, tasks, tmp_path)
         found = dict([next(outcomes)])
         busy = next(process for process in pool._workers.values())
         os.kill(busy.pid, signal.SIGKILL)
@@ -94,7 +94,7 @@ def test_a_process_that_dies_takes_one_figure_with_it(file, alone, tmp_path):
 def test_a_crew_without_processes_says_so(file, tmp_path):
     with read_results(file) as results, DrawingPool(2) as pool:
         tasks = plots.tasks_of(results)
-        outcomes = pool.draw(results.path, tasks, tmp_path, FORMATS)
+        outcomes = pool.draw(results.path, tasks, tmp_path)
         found = dict([next(outcomes)])
         for process in pool._workers.values():
             process.kill()

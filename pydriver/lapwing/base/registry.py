@@ -34,6 +34,7 @@ class Study:
     keys : str, module and class of its keys
     study, report : str, modules
     figures : tuple of str, modules below `lapwing.plots`, in reading order
+    few : tuple of str, those of `figures` that are drawn where a deck names none; empty: all
     turn, place : int, its place when the studies of a deck are carried out, and in the summary
     side_by_side : bool, whether several are carried out at once, each by one thread
     """
@@ -47,6 +48,12 @@ class Study:
     turn: int
     place: int
     side_by_side: bool = False
+    few: tuple[str, ...] = ()
+
+    @property
+    def figure_names(self) -> tuple[str, ...]:
+        """Its figures as decks and files name them."""
+        return tuple(module.rpartition(".")[2] for module in self.figures)
 
     def part(self, name: str) -> Any:
         """Module of a part, or class where one is named; loaded at the first use."""
@@ -60,16 +67,21 @@ STUDIES = {study.kind: study for study in (
     Study("response", "response", "deck.keys.response:ResponseKeys", "studies.response.study",
           "report.response",
           ("response.history", "response.phase_portrait", "response.impact_section",
-           "response.spectrum", "response.shaft_motion"), turn=1, place=3, side_by_side=True),
+           "response.spectrum", "response.shaft_motion"), turn=1, place=3, side_by_side=True,
+          few=("response.history", "response.shaft_motion")),
     Study("sweep", "sweep", "deck.keys.sweep:SweepKeys", "studies.sweep.study", "report.sweep",
-          ("sweep.orbit_diagram", "sweep.deepest_separation", "sweep.staircase",
-           "sweep.amplitudes", "sweep.exponents", "sweep.impact_speed_density",
-           "sweep.waterfall"), turn=3, place=2),
+          ("sweep.deepest_separation", "sweep.amplitudes", "sweep.orbit_diagram",
+           "sweep.staircase", "sweep.exponents", "sweep.impact_speed_density",
+           "sweep.waterfall"), turn=3, place=2,
+          # Those after the first two are of quantities that a deck must ask for.
+          few=("sweep.deepest_separation", "sweep.orbit_diagram", "sweep.amplitudes",
+               "sweep.exponents", "sweep.impact_speed_density", "sweep.waterfall")),
     Study("critical", "critical value", "deck.keys.critical:CriticalKeys",
           "studies.critical.study", "report.critical", ("critical_search", "fit_orders"), turn=2,
           place=1),
     Study("map", "map", "deck.keys.map:MapKeys", "studies.map.study", "report.map.text",
-          ("map.map_classes", "map.map_depth", "map.map_arrivals"), turn=4, place=4),
+          ("map.map_classes", "map.map_depth", "map.map_arrivals"), turn=4, place=4,
+          few=("map.map_classes",)),
     Study("ensemble", "ensemble", "deck.keys.ensemble:EnsembleKeys", "studies.ensemble.study",
           "report.ensemble.text", ("ensemble.distributions", "ensemble.tornado"), turn=5,
           place=5))}

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args, g
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from lapwing.base.registry import STUDIES
+
 if TYPE_CHECKING:
     from lapwing.deck.deck import Asked
 
@@ -20,6 +22,18 @@ def key(default: Any = ..., text: str = "", unit: str = "", example: Any = None,
     """A deck key: its default (`...`: required), meaning, unit, example value and limits."""
     extra = {"unit": unit, "example": example}
     return Field(default, description=text, json_schema_extra=extra, **limits)
+
+
+def figures_of(kind: str) -> Any:
+    """Type of the names of figures of a kind of study."""
+    return list[Literal[(*STUDIES[kind].figure_names, "all", "none")]]  # type: ignore[misc]
+
+
+def figures_key() -> Any:
+    """The key that names them."""
+    return key(None, "figures to draw; left out: the fewest that answer what is asked; "
+               "`lapwing run --figures all` and `lapwing plot` draw all", "", ["all"],
+               min_length=1)
 
 
 class Group(BaseModel):

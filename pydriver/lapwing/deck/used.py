@@ -98,6 +98,7 @@ def canonical(deck: Deck) -> dict[str, dict[str, Any]]:
                          if value is not None}, **_smoothing(deck)}
         elif group in schema.STUDIES:
             asked = next(one for one in deck.studies[group] if one.name == keys.name)
+            values.pop("figures", None)  # no result depends on what is drawn of it
             values = keys.canonical(values, asked)
         name = f"{group}.{keys.own_name}" if group in schema.REPEATED else group
         result[name] = values

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from importlib import import_module
 from inspect import signature
@@ -14,6 +14,7 @@ import numpy as np
 
 from lapwing.base.exit_codes import is_of_surroundings
 from lapwing.base.registry import STUDIES, carried_out
+from lapwing.plots.choice import formats_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -64,12 +65,14 @@ class Task(NamedTuple):
     module : str, of this package, with the `draw` that makes it
     kind : str, of the study that holds its data, or 'transmission_error'
     name : str or None, of the response, critical value or sweep
+    formats : tuple of str, of `FORMATS`
     """
 
     stem: str
     module: str
     kind: str
     name: str | None = None
+    formats: tuple[str, ...] = FORMATS
 
 
 def tasks_of(results: Any) -> list[Task]:
@@ -100,8 +103,8 @@ def shows(module: str, dataset: xr.Dataset) -> bool:
 
 def draw_all(results: Any, folder: Any, *, formats: tuple[str, ...] = FORMATS,
              progress: Callable[..., Any] | None = None,
-             pool: DrawingPool | None = None) -> list[Path]:
-    """Draw every figure of a result file.
+             pool: DrawingPool | None = None, words: Iterable[str] | None = None) -> list[Path]:
+    """Draw the figures of a result file.
 
     Parameters
     ----------
@@ -112,6 +115,8 @@ def draw_all(results: Any, folder: Any, *, formats: tuple[str, ...] = FORMATS,
     progress : callable(fraction done) or None
     pool : lapwing.plots.pool.DrawingPool or None, processes to share the work, which read the file
         `results.path` themselves; the figures are the same, bit by bit
+    words : iterable of str, which figures are asked for and in which formats (`choice.asked`);
+        default: every figure, in `formats`
 
     Returns
     -------
@@ -126,15 +131,17 @@ def draw_all(results: Any, folder: Any, *, formats: tuple[str, ...] = FORMATS,
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    tasks = tasks_of(results)
+    tasks = [task._replace(formats=formats if words is None else formats_of(task, results, words))
+             for task in tasks_of(results)]
+    tasks = [task for task in tasks if task.formats]
     outcomes = {}
-    for task, problem in (pool.draw(results.path, tasks, folder, formats) if pool else
-                          ((task, attempt(results, task, folder, formats)) for task in tasks)):
+    for task, problem in (pool.draw(results.path, tasks, folder) if pool else
+                          ((task, attempt(results, task, folder)) for task in tasks)):
         outcomes[task] = problem
         if progress is not None:
             progress(len(outcomes) / len(tasks))
     written = [folder / f"{task.stem}.{suffix}" for task in tasks if outcomes[task] is None
-               for suffix in formats]
+               for suffix in task.formats]
     problems = {task.stem: outcomes[task] for task in tasks if outcomes[task] is not None}
     if problems:
         raise FigureError(written, {stem: problem.what for stem, problem in problems.items()},
@@ -142,14 +149,14 @@ def draw_all(results: Any, folder: Any, *, formats: tuple[str, ...] = FORMATS,
     return written
 
 
-def attempt(results: Any, task: Task, folder: Path, formats: tuple[str, ...]) -> Problem | None:
+def attempt(results: Any, task: Task, folder: Path) -> Problem | None:
     """Draw one figure into its files, all or none; returns the `Problem`, or None."""
     try:
         data = results.transmission_error if task.name is None \
             else results.study(task.kind, task.name)
         figure = figure_of(task.module, data, gear_pair=results.gear_pair,
                            **_options(results, task))
-        _save(figure, [folder / f"{task.stem}.{suffix}" for suffix in formats])
+        _save(figure, [folder / f"{task.stem}.{suffix}" for suffix in task.formats])
     except Exception as error:
         return Problem(f"{type(error).__name__}: {error}", is_of_surroundings(error))
     return None

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lapwing.base import quantities
 from lapwing.plots import style
+from lapwing.plots.layout import ABOVE
 from lapwing.plots.sweep import parts as sweep_parts
 from lapwing.results.findings import search_bounded, search_known
 
@@ -18,8 +21,8 @@ if TYPE_CHECKING:
 SYMBOLS = {"full": "T_full", "safe": "T_safe", "back": "T_back", "on": "T_on"}
 # By what is found; T_full has a line of its own where it is stored with the sweep.
 COLORS = {"full": "0.35", "safe": style.GREEN, "back": style.BLUE, "on": style.BLACK}
-# The words of the next bar on the same side stand so much lower, in parts of the panel.
-STAGGER = 0.09
+# Points: a row of words above a panel, and a letter of them; inches beside a panel.
+ROW, LETTER, BESIDE = 12.5, 4.5, 1.6
 
 
 class Mark(NamedTuple):
@@ -68,7 +71,8 @@ def bracket(attrs: dict[str, Any]) -> tuple[float, float]:
 def label_of(critical: xr.Dataset) -> str:
     """The result in a few words."""
     attrs = critical.attrs
-    name = SYMBOLS[attrs["find"]] if attrs["parameter"] == "brake_torque" else "critical value"
+    name = SYMBOLS[attrs["find"]] if attrs["parameter"] == "brake_torque" else \
+        f"critical {quantities.parameter(attrs['parameter']).words}"
     if not search_known(critical):
         return f"{name}: not known"
     if attrs["outcome"] != "found":
@@ -88,34 +92,139 @@ def label_of(critical: xr.Dataset) -> str:
     return f"{name} = {number} {unit}".rstrip() + noise
 
 
-def draw_marks(axes: Any, labelled: Axes, marks: Any, x: NDArray[Any], drawn: float | None = None,
-               heights: tuple[float, float] = (0.55, 0.55)) -> None:
-    """Bars through all panels, their words beside them in one of the panels.
+def full_mark(sweep: xr.Dataset, given: float | None = None) -> Mark | None:
+    """T_full of a sweep and what rattles above it; None where it is not known or not in range.
 
     Parameters
     ----------
-    axes : sequence of Axes, of one horizontal axis
-    labelled : Axes, one of them
-    marks : sequence of Mark
-    x : array, the values swept; what lies outside is left out
-    drawn : float or None, T_full where it is drawn already
-    heights : two floats, parts of the panel: of the words to the right and to the left of a bar
+    sweep : xarray.Dataset
+    given : float or None, its value; default: as stored with the sweep
     """
-    span = x[-1] - x[0]
-    shown = [mark for mark in marks if x[0] <= mark.high and mark.low <= x[-1]
-             and not (mark.find == "full" and drawn is not None)]
-    heights = [*heights]
+    value, x = sweep_parts.full_engagement_of(sweep, given), _values_of(sweep)
+    if value is None or not x[0] <= value <= x[-1]:
+        return None
+    ends = [float(sweep.attrs[key]) for key in ("full_engagement_low", "full_engagement_high")
+            if np.isfinite(sweep.attrs.get(key, np.nan))]
+    number = f"{value:.4g}" if len(ends) < 2 else \
+        f"{value:.3g} ({ends[0]:.3g} to {ends[1]:.3g}, 95 %)"
+    low, high = ends if len(ends) == 2 else (value, value)
+    unit = sweep_parts.unit_of(sweep_parts.parameter_of(sweep))
+    return Mark("full", low, high, f"T_full = {number} {unit}: contact can be kept from here; "
+                + sweep_parts.beyond(sweep, value))
+
+
+def mark_sweep(axes: Any, sweep: xr.Dataset, full_engagement: float | None, marks: Any,
+               color: str | None = None) -> None:
+    """T_full and critical values as lines and bars through panels of a sweep.
+
+    Parameters
+    ----------
+    axes : sequence of Axes, of one horizontal axis; the words stand above the first of them, under
+        its title, which must be there
+    sweep : xarray.Dataset
+    full_engagement : float or None, as for `full_mark`
+    marks : sequence of Mark
+    color : of all lines, or None: each its own
+    """
+    full = full_mark(sweep, full_engagement)
+    others = [mark for mark in marks if not (mark.find == "full" and full is not None)]
+    draw_marks(axes, [*([full] if full else []), *others], _values_of(sweep), color)
+
+
+def _values_of(sweep: xr.Dataset) -> NDArray[Any]:
+    values: NDArray[Any] = sweep[sweep_parts.parameter_of(sweep)].values
+    return values
+
+
+def draw_marks(axes: Any, marks: Any, x: NDArray[Any], color: str | None = None) -> None:
+    """Lines and bars through all panels, their words above the first.
+
+    Parameters
+    ----------
+    axes, color : as for `mark_sweep`
+    marks : sequence of Mark
+    x : array, ascending, the values on the horizontal axis; what lies outside is left out
+    """
+    shown = [mark for mark in marks if x[0] <= mark.high and mark.low <= x[-1]]
     for mark in shown:
-        color = COLORS[mark.find]
+        look = color or COLORS[mark.find]
+        dashes = (5, 3) if mark.find == "full" else (2, 2)
         for axis in axes:
-            axis.axvspan(mark.low, mark.high, color=color, alpha=0.3, linewidth=0, zorder=1)
-            axis.axvline(0.5 * (mark.low + mark.high), color=color, linewidth=0.9, zorder=1,
-                         linestyle=(0, (2, 2)))
-        right = mark.high - x[0] < 0.5 * span
-        labelled.annotate(
-            mark.label, (mark.high if right else mark.low, heights[not right]),
-            xycoords=("data", "axes fraction"),
-            xytext=(5 if right else -5, 0), textcoords="offset points", va="center",
-            ha="left" if right else "right", fontsize=8.5, color=color, zorder=6,
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1})
-        heights[not right] -= STAGGER
+            if mark.high > mark.low:
+                axis.axvspan(mark.low, mark.high, color=look, linewidth=0, zorder=0.5,
+                             alpha=0.15 if mark.find == "full" else 0.3)
+            axis.axvline(0.5 * (mark.low + mark.high), color=look, linewidth=0.9, zorder=1,
+                         linestyle=(0, dashes))
+    _words(axes[0], shown, x)
+
+
+def _words(axis: Axes, marks: list[Mark], x: NDArray[Any]) -> None:
+    """Words in rows above a panel, so that they cover no data, each with a leader to its bar."""
+    figure: Any = axis.figure
+    spec: Any = axis.get_subplotspec()
+    width = 72 * (figure.get_figwidth() / spec.get_gridspec().ncols - BESIDE)
+    words = [_Words.of(mark, _part(0.5 * (mark.low + mark.high), x, sweep_parts.is_log(x)), width)
+             for mark in marks]
+    # Words that go to the left have the leftmost bar lowest, those to the right the rightmost.
+    left = sorted((one for one in words if one.to_left), key=lambda one: one.part)
+    right = sorted((one for one in words if not one.to_left), key=lambda one: -one.part)
+    rows = min((_rows(order) for order in ([*left, *right], [*right, *left])),
+               key=lambda found: (found[0], max(found[1].values(), default=0)))[1]
+    for one in words:
+        mark, color = one.mark, COLORS[one.mark.find]
+        axis.annotate(
+            "\n".join(one.lines), (0.5 * (mark.low + mark.high), 1),
+            xycoords=("data", "axes fraction"), xytext=(0, 3 + ROW * rows[one]),
+            textcoords="offset points", ha="right" if one.to_left else "left", va="bottom",
+            fontsize=8.5, color=color, annotation_clip=False, gid=ABOVE,
+            arrowprops={"arrowstyle": "-", "color": color, "linewidth": 0.9,
+                        "shrinkA": 0, "shrinkB": 0, "relpos": (float(one.to_left), 0)})
+    if words and axis.get_title("left"):
+        high = max(rows[one] + len(one.lines) for one in words)
+        axis.set_title(axis.get_title("left"), pad=6 + ROW * high)
+
+
+class _Words(NamedTuple):
+    """The words of a mark: where its bar is and where they begin and end, in parts of the panel."""
+
+    mark: Mark
+    part: float
+    lines: tuple[str, ...]
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, mark: Mark, part: float, width: float) -> _Words:
+        """Words of a mark at a part of a panel so many points wide."""
+        side = part if part > 0.5 else 1 - part
+        lines = tuple(textwrap.wrap(mark.label, max(int(side * width / LETTER), 20)))
+        wide = max(map(len, lines)) * LETTER / width
+        ends = (part - wide, part) if part > 0.5 else (part, part + wide)
+        return cls(mark, part, lines, *ends)
+
+    @property
+    def to_left(self) -> bool:
+        """Whether they stand left of the bar."""
+        return self.part > 0.5
+
+
+def _rows(words: list[_Words]) -> tuple[int, dict[_Words, int]]:
+    """The lowest free row for each; and how many leaders then cross other words."""
+    rows: dict[_Words, int] = {}
+    for one in words:
+        rows[one] = next(row for row in range(99) if not any(
+            row < at + len(other.lines) and at < row + len(one.lines)
+            and one.low <= other.high and other.low <= one.high for other, at in rows.items())
+            and not any(row < at and one.low < other.part < one.high
+                        for other, at in rows.items()))
+    crossed = sum(rows[other] < rows[one] and other.low < one.part < other.high
+                  for one in words for other in words)
+    return crossed, rows
+
+
+def _part(value: float, x: NDArray[Any], log: bool) -> float:
+    """Where a value lies, from 0 at the left end to 1 at the right."""
+    if x[0] == x[-1]:
+        return 0.5
+    ends = np.log([x[0], x[-1], min(max(value, x[0]), x[-1])]) if log else (x[0], x[-1], value)
+    return float((ends[2] - ends[0]) / (ends[1] - ends[0]))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lapwing.base.codes import SearchStage
 from lapwing.plots import style
 from lapwing.plots.critical_marks import draw_marks, label_of
-from lapwing.plots.sweep.parts import axis_label
+from lapwing.plots.sweep.parts import axis_label, unit_of
 from lapwing.results.findings import search_bounded
 
 if TYPE_CHECKING:
@@ -27,6 +27,8 @@ LOOKS = {
 }
 TITLES = {"full": "contact of the engaged motion", "safe": "rattling motions",
           "back": "back impacts", "on": "rigid tooth on the flank"}
+# Parameters of which each value is another gear pair.
+PAIR = ("pinion_inertia", "gear_inertia", "pinion_base_lever", "mesh_stiffness")
 # The second panel of a search shows so many widths of the bracket to either side.
 CLOSE_UP = 6
 
@@ -37,12 +39,14 @@ def shows(critical: xr.Dataset) -> bool:
 
 
 @style.house_style()
-def draw(critical: xr.Dataset, *, title: str | None = None, marks: Any = ()) -> Figure:
+def draw(critical: xr.Dataset, gear_pair: dict[str, float] | None = None, *,
+         title: str | None = None, marks: Any = ()) -> Figure:
     """Draw one search.
 
     Parameters
     ----------
     critical : xarray.Dataset, group `critical_<name>` of a result file, with the dimension `trial`
+    gear_pair : mapping or None, group `gear_pair`; gives margins in N·m
     title : str or None
     marks : sequence of critical_marks.Mark, other critical values along the same parameter
 
@@ -51,21 +55,24 @@ def draw(critical: xr.Dataset, *, title: str | None = None, marks: Any = ()) -> 
     matplotlib.figure.Figure
     """
     find = str(critical.attrs["find"])
-    draws = {"safe": _safe, "back": _back, "full": _margin, "on": _margin}[find]
+    draws = {"safe": _safe, "back": _back}.get(find)
+    parameter = str(critical.attrs["parameter"])
     close_up = find == "safe" and critical.attrs["outcome"] == "found"
-    figure = style.new_figure(10.5 if close_up else 9, 4.4)
+    figure = style.new_figure(10.5 if close_up else 9, 4.6, rows=True)
     axes = figure.subplots(1, 2 if close_up else 1, width_ratios=[3, 2] if close_up else [1],
                            squeeze=False)[0]
     for axis in axes:
-        draws(axis, critical)
-        parameter = str(critical.attrs["parameter"])
+        if draws is not None:
+            draws(axis, critical)
+        else:
+            _margin(axis, critical, None if parameter in PAIR else gear_pair)
         axis.set_xlabel(axis_label(parameter))
-    draw_marks(axes[:1], axes[0], marks, np.sort(critical["trial_value"].values),
-               heights=(0.85, 0.3))
+    axes[0].set_title("all values tried" if close_up else "")
+    draw_marks(axes[:1], marks, np.sort(critical["trial_value"].values))
     if close_up:
         middle, half = critical.attrs["estimate"], critical.attrs["bar"]
         axes[1].set_xlim(middle - CLOSE_UP * half, middle + CLOSE_UP * half)
-        axes[1].set_title(f"the bracket, {2 * half:.2g} wide")
+        axes[1].set_title(f"the bracket, {2 * half:.2g} {unit_of(parameter)}".rstrip() + " wide")
         axes[1].set_ylabel("")
     tried = np.unique(critical["trial_value"].values)
     if tried.size == 1:
@@ -163,16 +170,24 @@ def _back(axis: Axes, critical: xr.Dataset) -> None:
              "last seen to first clean value")
 
 
-def _margin(axis: Axes, critical: xr.Dataset) -> None:
-    """Force above the one that contact needs."""
-    axis.plot(critical["trial_value"], style.URAD * critical["trial_margin"], color=style.BLUE,
-              marker="o", markersize=4, label="F above the force that contact needs")
+def _margin(axis: Axes, critical: xr.Dataset, gear_pair: dict[str, float] | None) -> None:
+    """Force above the one that contact needs, as a braking torque where the pair is one for all.
+
+    F = T/(i12·k) of balanced torques, k = k'·lever² (docs/model.md, section 3).
+    """
+    factor, label = style.URAD, "force F less the one\nthat contact needs (µrad)"
+    if gear_pair is not None:
+        factor = float(gear_pair["gear_ratio"]) * float(gear_pair["mesh_stiffness"]) \
+            * float(gear_pair["pinion_base_lever"]) ** 2
+        label = "braking torque less the one\nthat contact needs (N·m)"
+    axis.plot(critical["trial_value"], factor * critical["trial_margin"], color=style.BLUE,
+              marker="o", markersize=4, label="margin of contact")
     axis.axhline(0, color="0.5", linewidth=0.8)
     if np.isfinite(critical.attrs["estimate"]):
         axis.plot(critical.attrs["estimate"], 0, marker="D", markersize=8, linestyle="",
                   markerfacecolor="none", markeredgewidth=1.8, color=style.VERMILION,
                   label="solved")
-    axis.set_ylabel("force margin (µrad)")
+    axis.set_ylabel(label)
 
 
 def _bracket(axis: Axes, one: float, two: float, label: str) -> None:

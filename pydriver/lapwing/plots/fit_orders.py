@@ -40,7 +40,7 @@ def draw(critical: xr.Dataset, *, title: str | None = None) -> Figure:
     attrs = critical.attrs
     order = critical["fit_order"].values
     value, low, high = (critical[f"fit_{name}"].values for name in ("estimate", "low", "high"))
-    figure = style.new_figure(8.5, 6.2)
+    figure = style.new_figure(8.5, 6.2, rows=True)
     axes = figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1))
     symbol = SYMBOLS[str(attrs["find"])]
     axes[0].errorbar(order, value, yerr=np.abs([value - low, high - value]), color=style.BLUE,

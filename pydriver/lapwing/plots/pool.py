@@ -83,8 +83,8 @@ class DrawingPool:
             pipe.close()
         self._workers.clear()
 
-    def draw(self, path: Path, tasks: list[Task], folder: Path,
-             formats: tuple[str, ...]) -> Iterator[tuple[Task, Problem | None]]:
+    def draw(self, path: Path, tasks: list[Task],
+             folder: Path) -> Iterator[tuple[Task, Problem | None]]:
         """Have tasks drawn from a result file.
 
         Yields
@@ -106,7 +106,7 @@ class DrawingPool:
                 busy[pipe] = task
                 # One that has died is found at the other end of the pipe.
                 with contextlib.suppress(OSError):
-                    pipe.send((path, task, folder, formats))
+                    pipe.send((path, task, folder))
             if not busy:
                 yield from ((task, Problem("no process is left to draw it")) for task in waiting)
                 return
@@ -204,7 +204,7 @@ def _draw_on_demand(pipe: Any) -> None:
     opened = {}
     with contextlib.suppress(EOFError, OSError), contextlib.ExitStack() as stack:
         while True:
-            path, task, folder, formats = pipe.recv()
+            path, task, folder = pipe.recv()
             if path not in opened:
                 opened[path] = stack.enter_context(read_results(path, check=False))
-            pipe.send(attempt(opened[path], task, folder, formats))
+            pipe.send(attempt(opened[path], task, folder))

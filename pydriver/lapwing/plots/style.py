@@ -27,14 +27,15 @@ BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
 CLAIM, CLAIM_TEXT = PURPLE, "#8F3F6E"
 WALL, QUIET = "0.35", "0.4"
 
+# The branch from rest lies below, wide; the others are drawn over it where they differ from it.
 START_STYLES = {
-    "rest": {"color": BLACK, "size": 0.8, "alpha": 0.45, "label": "each from rest"},
-    "up": {"color": VERMILION, "size": 1.8, "alpha": 0.7, "label": "carried upwards"},
-    "down": {"color": SKY, "size": 2.8, "alpha": 0.7, "label": "carried downwards"},
+    "rest": {"color": BLACK, "size": 1.6, "alpha": 0.45, "width": 1.8, "label": "each from rest"},
+    "up": {"color": VERMILION, "size": 1.6, "alpha": 0.7, "width": 1.3,
+           "label": "carried upwards"},
+    "down": {"color": SKY, "size": 1.6, "alpha": 0.7, "width": 1.3,
+             "label": "carried downwards"},
 }
-# Drawn in this order, the large markers first, so that branches that coincide are all seen.
-DRAWING_ORDER = ("down", "up", "rest")
-
+DRAWING_ORDER = ("rest", "up", "down")
 STATE_STYLES = {
     MotionState.SEPARATION: {"color": SKY, "linewidth": 1.1, "label": "separation"},
     MotionState.ENGAGEMENT: {"color": VERMILION, "linewidth": 2.0, "label": "engagement"},
@@ -44,6 +45,8 @@ STATE_STYLES = {
 URAD = 1e6
 # Values mostly below this part of the largest would be a flat line on a linear axis.
 SMALL = 0.05
+# Decades that the linear part of such an axis takes, on either side.
+LINEAR = 0.4
 ARCSEC_PER_URAD = math.degrees(1) * 3600 * 1e-6
 
 # Points of a line or marker above which a PDF shows pixels in its place.
@@ -77,12 +80,18 @@ def house_style() -> Iterator[None]:
         yield
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """An empty figure (inches) that belongs to no window."""
+def new_figure(width: float, height: float, rows: bool = False) -> Figure:
+    """An empty figure (inches) that belongs to no window.
+
+    `rows`: for panels of one `figure.subplots` without colour bars, which are placed faster.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")
+    from lapwing.plots import layout
+
+    figure = Figure(figsize=(width, height), dpi=DPI,
+                    layout=layout.rows() if rows else "constrained")  # type: ignore[arg-type]
     FigureCanvasAgg(figure)
     return figure
 
@@ -155,7 +164,8 @@ def arcsec_scale(axis: Axes) -> Axes:
     # A secondary axis knows linear and logarithmic parents only.
     low, high = axis.get_ylim()
     scale = axis.twinx()
-    scale.set_yscale("symlog", linthresh=axis.yaxis.get_transform().linthresh * ARCSEC_PER_URAD)
+    scale.set_yscale("symlog", linscale=LINEAR,
+                     linthresh=axis.yaxis.get_transform().linthresh * ARCSEC_PER_URAD)
     scale.set_ylim(low * ARCSEC_PER_URAD, high * ARCSEC_PER_URAD)
     plain_powers(scale.yaxis)
     scale.set_ylabel("(arcsec)")
@@ -191,7 +201,8 @@ def widen_small_values(axis: Axes, values: NDArray[Any]) -> bool:
     size = size[size > 0]
     if size.size == 0 or np.median(size) > SMALL * size.max():
         return False
-    axis.set_yscale("symlog", linthresh=10.0 ** np.floor(np.log10(np.median(size) / 2)))
+    axis.set_yscale("symlog", linthresh=10.0 ** np.floor(np.log10(np.median(size) / 2)),
+                    linscale=LINEAR)
     plain_powers(axis.yaxis)
     return True
 
@@ -247,8 +258,10 @@ def motion(attrs: dict[str, Any]) -> str:
     impacts = float(attrs.get("impacts_per_cycle", math.nan))
     if math.isfinite(impacts):
         law, threshold = arrivals_in(attrs), 100 * float(attrs["count_depth"])
-        words += (f", {impacts:.3g} {law.word}{'s' * (impacts != 1)} per cycle"
-                  + f" (flights deeper than {threshold:g} %)" * law.threshold)
+        words += f", {impacts:.3g} {law.word}{'s' * (impacts != 1)} per cycle"
+        back = float(attrs.get("back_impacts_per_cycle", 0))
+        words += f" and {back:.3g} on the coast flank" * (back > 0)
+        words += f" (flights deeper than {threshold:g} %)" * law.threshold
     return words
 
 

@@ -31,7 +31,7 @@ def draw(te: xr.Dataset) -> Figure:
     -------
     matplotlib.figure.Figure
     """
-    figure = style.new_figure(8.5, 8.2)
+    figure = style.new_figure(8.5, 8.2, rows=True)
     axes = figure.subplots(3, 1, sharex=True, height_ratios=(1.3, 0.8, 1.2))
     knots, kinks = te["knots"].values[:-1], te["kinks"].values.astype(bool)
     _curve(axes[0], te)

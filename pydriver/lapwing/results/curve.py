@@ -9,11 +9,14 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from lapwing.model.curve.fit import CurveFit
+    from lapwing.model.transmission_error.table import TransmissionError
 
 # A part of the critical force larger than this decides it.
 SHARE_THAT_DECIDES = 0.1
 # Places at which curvature and its band are stored.
 PLACES = 721
+# Harmonics of a transmission error that are named one by one.
+HARMONICS = 4
 DESCRIPTIONS = {
     "sample_phase": ("1", "mesh phase of the samples, in mesh periods"),
     "sample_value": ("rad", "transmission error as measured"),
@@ -82,3 +85,20 @@ def _bands(curve: CurveFit, phase: NDArray[Any]) -> tuple[NDArray[Any], NDArray[
     half = point * curve.noise * np.linalg.norm(bend @ curve.wide.root, axis=1)
     return middle - half, middle + half, \
         curve.noise * np.linalg.norm(value @ curve.wide.root, axis=1)
+
+
+def source_of(te: TransmissionError) -> str:
+    """In words, what the table was made from."""
+    if len(te.harmonics):
+        orders, sizes = te.harmonics[:, 0], te.harmonics[:, 1]
+        shown = ", ".join(f"{1e6 * size:.4g} µrad of order {order:g}"
+                          for order, size in zip(orders[:HARMONICS], sizes, strict=False))
+        return (f"{len(orders)} harmonic{'s' * (len(orders) != 1)}: {shown}"
+                + f" and {len(orders) - HARMONICS} more" * (len(orders) > HARMONICS))
+    pieces, kinks = len(te.kinks), int(te.kinks.sum())
+    kinked = f"{kinks or 'no'} kink{'s' * (kinks != 1)}"
+    if pieces == 1:
+        degree = int(np.flatnonzero(te.coefficients[0]).max(initial=0))
+        return f"{('constant', 'line', 'parabola')[degree]} with {kinked}" if degree <= 2 \
+            else f"one polynomial of degree {degree} with {kinked}"
+    return f"table of {pieces} pieces with {kinked}"

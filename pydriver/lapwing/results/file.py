@@ -21,6 +21,7 @@ from lapwing.base.registry import STUDIES, give_accessor
 from lapwing.base.signals import held
 from lapwing.model.oscillator import TE_SIGNS
 from lapwing.results.checksums import DamagedFile, small_cache, store_checksums, verify_file
+from lapwing.results.curve import source_of
 from lapwing.results.provenance import engine_digest, provenance
 from lapwing.results.schema import SCHEMA_VERSION, as_of_today, with_plain_text
 from lapwing.results.store import Manifest, flush, os_errors
@@ -82,7 +83,7 @@ def write_results(path: Path, *, deck_name: str, deck_text: str, used_text: str,
             "studies": "\n".join(f"{kind} {name}" for kind, name in studies)}
     groups = {None: _dataset({}, root), "gear_pair": _dataset({}, pair_attributes(pair)),
               "transmission_error": _transmission_error(te, te_sign, pair.gear_ratio,
-                                                        te_source or _te_source(te), measured)}
+                                                        te_source or source_of(te), measured)}
     claims = _claims(found.get("response", {}).values())
     for kind in STUDIES:
         for order, (name, dataset) in enumerate(found.get(kind, {}).items()):
@@ -148,16 +149,6 @@ def _transmission_error(te: TransmissionError, te_sign: str, gear_ratio: float, 
     return _dataset({**variables, "knots": ("knot", te.knots),
                      "coefficients": (("piece", "power"), te.coefficients),
                      "kinks": ("piece", te.kinks.astype(np.int8))}, attributes)
-
-
-def _te_source(te: TransmissionError) -> str:
-    """In words, what the table was made from."""
-    if len(te.harmonics):
-        return " + ".join(f"{amplitude:g} rad cos(2 pi {order:g} phase + {shift:g})"
-                          for order, amplitude, shift in te.harmonics)
-    pieces, kinks = len(te.kinks), int(te.kinks.sum())
-    return (f"table of {pieces} polynomial piece{'s' * (pieces != 1)}, {kinks or 'no'} "
-            f"kink{'s' * (kinks != 1)}")
 
 
 def _claims(responses: Any) -> list[dict[str, Any]]:

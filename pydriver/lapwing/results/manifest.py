@@ -49,6 +49,8 @@ class Manifest:
         have the old content or the new one, or not be there yet
     variables : dict of "/group/variable" -> SHA-256 of its numbers, of the result file
     replaced : list of str, names that were the program's in the folder before
+    figures : list of str, which figures were asked for, and drawn unless `state` says otherwise;
+        None in manifests that do not tell
     """
 
     state: str = COMPLETE
@@ -59,6 +61,7 @@ class Manifest:
     coming: dict[str, dict[str, Any]] = field(default_factory=dict)
     variables: dict[str, str] = field(default_factory=dict)
     replaced: list[str] = field(default_factory=list)
+    figures: list[str] | None = None
 
     @classmethod
     def of(cls, folder: Path, **facts: Any) -> Manifest:

@@ -21,7 +21,7 @@ import errno
 import os
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -191,7 +191,8 @@ def _dissolve(staging: Path, folder: Path) -> None:
     staging.rmdir()
 
 
-def add_files(folder: str | Path, made: Path, known: tuple[str, ...] = ()) -> tuple[str, ...]:
+def add_files(folder: str | Path, made: Path, known: tuple[str, ...] = (),
+              figures: Iterable[str] = ()) -> tuple[str, ...]:
     """Publish files one by one into a folder, and list them in its manifest.
 
     1. List the new contents beside the old ones: whatever is there from now on is vouched for.
@@ -203,6 +204,7 @@ def add_files(folder: str | Path, made: Path, known: tuple[str, ...] = ()) -> tu
     folder : str or Path; made where missing
     made : Path, folder of the new files, on the same file system; emptied
     known : names in the folder that are the program's own although no manifest lists them
+    figures : words to add to those of the manifest
 
     Returns
     -------
@@ -226,6 +228,7 @@ def add_files(folder: str | Path, made: Path, known: tuple[str, ...] = ()) -> tu
         os.replace(made / name, folder / name)
     flush(folder)
     manifest.files |= new.files
+    manifest.figures = sorted({*(manifest.figures or ()), *figures})
     manifest.coming = {name: one for name, one in manifest.coming.items() if name not in new.files}
     _list(manifest, made, folder)
     return taken

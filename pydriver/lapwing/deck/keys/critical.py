@@ -17,6 +17,8 @@ from lapwing.deck.declare import (
     OperationKeys,
     StudyKeys,
     ValueKeys,
+    figures_key,
+    figures_of,
     key,
     parameter_name,
 )
@@ -32,7 +34,7 @@ DEFAULTS = {
     "safe": {"start_phases": 6, "start_positions": 3, "start_speeds": 3, "record_cycles": 50},
     "back": {"start_phases": 2, "start_positions": 2, "start_speeds": 2, "record_cycles": 1200}}
 _RANGE = ("values", *RANGES)
-_ALWAYS = ("name", "find", "parameter", *OPERATION)
+_ALWAYS = ("name", "find", "parameter", "figures", *OPERATION)
 _SEARCH = (*_GRID, "settle_cycles", "record_cycles",
            "rtol", *_RANGE, "safe_end")
 _OWN = {"safe": ("resolution", "further_values"), "back": ("confidence",)}
@@ -83,6 +85,7 @@ class CriticalKeys(OperationKeys, ValueKeys, StudyKeys):
                             lt=1)
     rtol: float | None = key(None, "relative tolerance; left out: that of &numerics, else 1e-6",
                              example=1e-6, ge=1e-13, le=1e-2)
+    figures: figures_of("critical") | None = figures_key()  # type: ignore[valid-type]
 
     def build(self, builder: Studies, reader: _GroupReader) -> Asked | None:
         """See `StudyKeys`: the keys that go together, the values, oscillators at both ends."""

@@ -10,7 +10,14 @@ from pydantic import Field
 from lapwing.base import estimates
 from lapwing.deck.checks.points import table_points
 from lapwing.deck.deck import Asked
-from lapwing.deck.declare import NAME_PATTERN, OperationKeys, StudyKeys, key
+from lapwing.deck.declare import (
+    NAME_PATTERN,
+    OperationKeys,
+    StudyKeys,
+    figures_key,
+    figures_of,
+    key,
+)
 from lapwing.model.draw import FEWEST, correlation_problem, sampling_problems
 
 if TYPE_CHECKING:
@@ -56,6 +63,7 @@ class EnsembleKeys(OperationKeys, StudyKeys):
         le=10_000_000)
     rtol: float | None = key(None, "relative tolerance; left out: that of &numerics, else 1e-6",
                              example=1e-6, ge=1e-13, le=1e-2)
+    figures: figures_of("ensemble") | None = figures_key()  # type: ignore[valid-type]
 
     def build(self, builder: Studies, reader: _GroupReader) -> Asked | None:
         """See `StudyKeys`: what is drawn or listed, and oscillators at its ends."""

@@ -9,7 +9,14 @@ from pydantic import Field
 from lapwing.base import estimates
 from lapwing.deck.checks.ranges import range_values
 from lapwing.deck.deck import Asked
-from lapwing.deck.declare import NAME_PATTERN, StudyKeys, key, parameter_name
+from lapwing.deck.declare import (
+    NAME_PATTERN,
+    StudyKeys,
+    figures_key,
+    figures_of,
+    key,
+    parameter_name,
+)
 
 if TYPE_CHECKING:
     from lapwing.deck.checks.assemble import Studies
@@ -71,6 +78,7 @@ class MapKeys(StudyKeys):
         le=10_000_000)
     rtol: float | None = key(None, "relative tolerance; left out: that of &numerics, else 1e-6",
                              example=1e-6, ge=1e-13, le=1e-2)
+    figures: figures_of("map") | None = figures_key()  # type: ignore[valid-type]
 
     def build(self, builder: Studies, reader: _GroupReader) -> Asked | None:
         """See `StudyKeys`: the values of both axes, and oscillators at their corners."""
@@ -114,7 +122,7 @@ class MapKeys(StudyKeys):
 
     def disk(self, asked: Asked) -> tuple[int, int]:
         """See `StudyKeys`."""
-        return estimates.MAP_RUN * _runs(asked), 3
+        return estimates.MAP_RUN * _runs(asked), 1
 
 
 def _runs(asked: Asked) -> int:

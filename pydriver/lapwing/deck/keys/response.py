@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Any, Literal
 from lapwing.base import estimates
 from lapwing.deck.checks.magnitudes import warn_of_torques
 from lapwing.deck.deck import Asked
-from lapwing.deck.declare import NAME_PATTERN, OperationKeys, StudyKeys, key
+from lapwing.deck.declare import (
+    NAME_PATTERN,
+    OperationKeys,
+    StudyKeys,
+    figures_key,
+    figures_of,
+    key,
+)
 from lapwing.model.start import start_problem
 
 if TYPE_CHECKING:
@@ -46,6 +53,7 @@ class ResponseKeys(OperationKeys, StudyKeys):
         None, "what somebody else reports: deepest separation", "rad", 0.00063, ge=0, le=10)
     claim_text: str | None = key(None, "what somebody else reports, in words",
                                  example="3 impacts per cycle, period 1", max_length=500)
+    figures: figures_of("response") | None = figures_key()  # type: ignore[valid-type]
 
     def build(self, builder: Studies, reader: _GroupReader) -> Asked | None:
         """See `StudyKeys`: the start, and the oscillator it belongs to."""
@@ -99,4 +107,4 @@ class ResponseKeys(OperationKeys, StudyKeys):
     def disk(self, asked: Asked) -> tuple[int, int]:
         """See `StudyKeys`."""
         cycle = self.samples_per_cycle * estimates.STORED_SAMPLE + estimates.STORED_CYCLE
-        return self.record_cycles * cycle, 3
+        return self.record_cycles * cycle, 1

@@ -8,7 +8,16 @@ from lapwing.base import estimates
 from lapwing.deck.checks.magnitudes import warn_of_order, warn_of_torques
 from lapwing.deck.checks.ranges import range_values
 from lapwing.deck.deck import Asked
-from lapwing.deck.declare import NAME_PATTERN, RANGES, StudyKeys, ValueKeys, key, parameter_name
+from lapwing.deck.declare import (
+    NAME_PATTERN,
+    RANGES,
+    StudyKeys,
+    ValueKeys,
+    figures_key,
+    figures_of,
+    key,
+    parameter_name,
+)
 
 if TYPE_CHECKING:
     from lapwing.deck.checks.assemble import Studies
@@ -44,6 +53,7 @@ class SweepKeys(ValueKeys, StudyKeys):
                           "where the motion repeats")
     rtol: float | None = key(None, "relative tolerance; left out: that of &numerics, else 1e-6",
                              example=1e-6, ge=1e-13, le=1e-2)
+    figures: figures_of("sweep") | None = figures_key()  # type: ignore[valid-type]
 
     def build(self, builder: Studies, reader: _GroupReader) -> Asked | None:
         """See `StudyKeys`: the values, and oscillators at both ends of them."""

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lapwing.base.codes import EventKind
+from lapwing.base.codes import EventKind, MotionState
 from lapwing.plots import style
 from lapwing.plots.response.trajectory import (
     IMPACTS,
     cycles_recorded,
     cycles_shown,
     events_of,
+    impulses,
     path,
 )
 
@@ -48,12 +49,14 @@ def draw(response: xr.Dataset, gear_pair: dict[str, float] | None = None) -> Fig
     first = cycles_recorded(response) - count
     track = path(response, count).refined(response)
     panels = [_displacement]
-    if track.pressed():
+    if track.pressed(response):
         panels.append(_pressed)
+    if track.pressed_back(response):
+        panels.append(_pressed_back)
     panels += [_mesh_force, _impulses] if _has_impacts(response, gear_pair) else [_mesh_force]
-    figure = style.new_figure(9.5, 1.6 + 2.1 * len(panels))
+    figure = style.new_figure(9.5, 1.6 + 2.1 * len(panels), rows=True)
     axes = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True))
-    for axis, panel, letter in zip(axes, panels, "abcd", strict=False):
+    for axis, panel, letter in zip(axes, panels, "abcde", strict=False):
         axis.set_title(f"({letter}) {panel(axis, response, track, first, gear_pair)}")
     axes[-1].set_xlim(first, first + count)
     axes[-1].set_xlabel("recorded mesh cycle")
@@ -81,17 +84,20 @@ def _displacement(axis: Axes, response: xr.Dataset, track: Path, first: int,
     _coloured(axis, track, style.URAD)
     axis.axhline(0, color=style.WALL, linewidth=1.0)
     gap = style.URAD * float(response.attrs["gap_width"])
-    low, high = style.URAD * np.nanmin(track.phi), style.URAD * np.nanmax(track.phi)
+    low, high = (style.URAD * one for one in track.limits(response))
     pad = 0.06 * (high - low) or 1.0
-    if low < -0.5 * gap:
+    if low <= -gap:
         axis.axhline(-gap, color=style.WALL, linewidth=1.0)
         axis.text(0.005, -gap, "coast flank", transform=axis.get_yaxis_transform(), fontsize=8,
-                  va="bottom", color=style.WALL)
-        low = min(low, -gap)
-    axis.set_ylim(low - pad, max(high, 0) + 3.2 * pad)
+                  va="bottom", color=style.WALL,
+                  bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5})
+    axis.set_ylim(low - pad, high + 3.2 * pad)
     axis.legend(loc="upper right", ncols=3)
     axis.set_ylabel("φ (µrad)")
     style.arcsec_scale(axis)
+    if high < 0:
+        return (f"relative displacement φ; drive flank at 0, coast flank at −{gap:.4g} µrad: "
+                "pressed below it")
     return "relative displacement φ from the drive flank: pressed above 0, separated below"
 
 
@@ -105,6 +111,19 @@ def _pressed(axis: Axes, response: xr.Dataset, track: Path, first: int,
     axis.set_ylabel("φ > 0 (µrad)")
     style.arcsec_scale(axis)
     return f"the same, magnified: drive flanks pressed together by up to {top:.3g} µrad"
+
+
+def _pressed_back(axis: Axes, response: xr.Dataset, track: Path, first: int,
+                  gear_pair: dict[str, float] | None) -> str:
+    """φ below the coast flank on a scale of its own."""
+    _coloured(axis, track, style.URAD)
+    gap = style.URAD * float(response.attrs["gap_width"])
+    depth = -gap - style.URAD * np.nanmin(track.phi)
+    axis.axhline(-gap, color=style.WALL, linewidth=1.0)
+    axis.set_ylim(-gap - 1.12 * depth, -gap + 0.12 * depth)
+    axis.set_ylabel("φ at the coast\nflank (µrad)")
+    style.arcsec_scale(axis)
+    return f"the same, magnified: coast flanks pressed together by up to {depth:.3g} µrad"
 
 
 def _mesh_force(axis: Axes, response: xr.Dataset, track: Path, first: int,
@@ -128,17 +147,20 @@ def _mesh_force(axis: Axes, response: xr.Dataset, track: Path, first: int,
                            "on the pinion (N·m)")
     mean, peak = (float(response.attrs.get(f"mesh_force_{key}", np.nan))
                   for key in ("mean", "peak"))
+    state = response["motion_state"].values[rows]
+    pulled = np.any(force[state == MotionState.ENGAGEMENT] < 0) \
+        or np.any(force[state == MotionState.BACK_ENGAGEMENT] > 0)
     return (f"normal mesh force of spring and damper; mean {mean:.3g} N, peak {peak:.3g} N"
-            " (all recorded cycles)")
+            " (all recorded cycles)"
+            + "\ncontact ends where the spring is slack: right before, the damper pulls, and the "
+            "force has the other sign" * bool(pulled))
 
 
 def _impulses(axis: Axes, response: xr.Dataset, track: Path, first: int,
               gear_pair: dict[str, float]) -> str:
-    """Impulse of each impact along the normal, N·s: k'·lever·(v before - v after)/ω'."""
+    """Impulse of each impact along the normal, mN·s."""
     impacts = events_of(response, IMPACTS, first)
-    newton = float(gear_pair["mesh_stiffness"]) * float(gear_pair["pinion_base_lever"])
-    impulse = (1e3 * newton / float(gear_pair["natural_frequency"])
-               * (impacts["velocity_before"] - impacts["velocity_after"]))
+    impulse = 1e3 * impulses(impacts, gear_pair)
     for kind, marker, label in ((EventKind.IMPACT, "o", "drive flank"),
                                 (EventKind.BACK_IMPACT, "v", "coast flank")):
         rows = impacts["event_kind"] == kind
@@ -154,4 +176,8 @@ def _impulses(axis: Axes, response: xr.Dataset, track: Path, first: int,
     if np.any(impacts["event_kind"] == EventKind.BACK_IMPACT):
         axis.legend(loc="upper right", ncols=2)
     axis.set_ylabel("impulse (mN·s)")
-    return "impacts: impulse of each along the normal (instants, not part of W)"
+    drive = impacts["event_kind"] == EventKind.IMPACT
+    odd = np.any(impulse[drive] < 0) or np.any(impulse[~drive] > 0)
+    return ("impacts: impulse of each along the normal (instants, not part of W)"
+            + "\nof the other sign: the impact law 'absolute' sends the tooth on into a flank that "
+            "it should bounce off" * bool(odd))

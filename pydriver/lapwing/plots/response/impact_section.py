@@ -21,6 +21,13 @@ FLANKS = ({"color": style.BLUE, "marker": "o", "label": "drive flank"},
           {"color": style.ORANGE, "marker": "v", "label": "coast flank"})
 # Speeds that span more than this, as those of a chatter, are drawn on a logarithmic scale.
 LOGARITHMIC = 100.0
+# More impacts than these are not numbered.
+NUMBERED = 30
+
+
+def shows(response: xr.Dataset) -> bool:
+    """Whether anything strikes."""
+    return bool(events_of(response, arrivals_in(response.attrs).kinds)["position"].size)
 
 
 @style.house_style()
@@ -36,7 +43,7 @@ def draw(response: xr.Dataset, gear_pair: dict[str, float] | None = None) -> Fig
     -------
     matplotlib.figure.Figure
     """
-    figure = style.new_figure(8, 5)
+    figure = style.new_figure(8.5, 4.6, rows=True)
     axis = figure.subplots()
     factor, unit, millimetres = style.speed_unit(gear_pair)
     law = arrivals_in(response.attrs)
@@ -55,10 +62,25 @@ def draw(response: xr.Dataset, gear_pair: dict[str, float] | None = None) -> Fig
         _speed_limits(axis, speed)
         figure.legend(loc="outside lower center", ncols=2)
         style.speed_scale(axis, millimetres)
+        numbered = _numbers(axis, response, impacts, speed)
         axis.set_title(f"all {speed.size} {law.word}s in {cycles_recorded(response)} recorded "
-                       "cycles, whatever the depth of their flights")
+                       "cycles" + (", numbered in the order of one period" if numbered else
+                                   ", whatever the depth of their flights"))
     figure.suptitle(style.describe(response))
     return figure
+
+
+def _numbers(axis: Axes, response: xr.Dataset, impacts: dict[str, NDArray[Any]],
+             speed: NDArray[Any]) -> bool:
+    """Number the impacts of the last period of a motion, where they are few; whether it is done."""
+    period, recorded = int(response.attrs["period"]), cycles_recorded(response)
+    last = np.flatnonzero(impacts["event_cycle"] >= recorded - period)
+    if not 0 < period <= recorded or not 0 < last.size <= NUMBERED:
+        return False
+    for number, i in enumerate(last, 1):
+        axis.annotate(str(number), (impacts["event_phase"][i], speed[i]), xytext=(5, 4),
+                      textcoords="offset points", fontsize=8, color=style.QUIET)
+    return True
 
 
 def _points(axis: Axes, phase: NDArray[Any], speed: NDArray[Any], look: dict[str, str]) -> None:

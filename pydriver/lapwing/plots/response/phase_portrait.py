@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from lapwing.plots.response.trajectory import Path
 
 
+# Cycles of a motion without a period that can be told from each other.
+APERIODIC = 40
+
+
 @style.house_style()
 def draw(response: xr.Dataset, gear_pair: dict[str, float] | None = None) -> Figure:
     """Draw φ' against φ.
@@ -41,75 +45,66 @@ def draw(response: xr.Dataset, gear_pair: dict[str, float] | None = None) -> Fig
         return figure
     recorded = cycles_recorded(response)
     # One cycle more than the period, so that the curve is closed.
-    count = min(cycles_shown(response, repeats=1, aperiodic=recorded) + 1, recorded)
-    track = path(response, count)
-    if not cycles_many(track):
-        track = track.refined(response)
-    both = track.pressed()
-    figure = style.new_figure(11 if both else 8, 5.6)
-    axes = np.atleast_1d(figure.subplots(1, 2, width_ratios=(1.7, 1)) if both
-                         else figure.subplots())
-    limits = [_whole(track, response), _pressed(track)]
-    headings = ["(a) all of the motion", "(b) magnified: drive flanks pressed together"]
-    for axis, limit, heading in zip(axes, limits, headings, strict=False):
-        _draw(axis, track, response, factor, limit)
-        _speed_limits(axis, track, factor, pressed=axis is not axes[0])
-        axis.set_title(heading if both else "")
+    count = min(cycles_shown(response, repeats=1, aperiodic=APERIODIC) + 1, recorded)
+    track = path(response, count).refined(response)
+    panels = [("all of the motion", None, track.limits(response))]
+    top, gap = float(np.max(track.phi)), float(response.attrs["gap_width"])
+    if track.pressed(response):
+        panels.append(("magnified: drive flanks pressed together", MotionState.ENGAGEMENT,
+                       (-0.3 * top, top)))
+    if track.pressed_back(response):
+        low = float(np.min(track.phi))
+        panels.append(("magnified: coast flanks pressed together", MotionState.BACK_ENGAGEMENT,
+                       (low, -gap + 0.3 * (-gap - low))))
+    figure = style.new_figure((8, 11, 13.5)[len(panels) - 1], 5.6, rows=True)
+    axes = figure.subplots(1, len(panels), width_ratios=(1.7, 1, 1)[:len(panels)],
+                           squeeze=False)[0]
+    for axis, letter, (heading, state, (low, high)) in zip(axes, "abc", panels, strict=False):
+        pad = 0.06 * (high - low) or 1e-6
+        _draw(axis, track, response, factor, (style.URAD * (low - pad), style.URAD * (high + pad)))
+        _speed_limits(axis, track, factor, state)
+        axis.set_title(f"({letter}) {heading}" if len(panels) > 1 else "")
         axis.set(xlabel="relative displacement φ (µrad)", ylabel=f"φ' ({unit})")
         style.speed_scale(axis, millimetres)
-    _coast_flank_far(axes[0], response)
-    handles, labels = axes[0].get_legend_handles_labels()
-    shown = figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
-    for handle in shown.get_lines():
-        handle.set(alpha=1, linewidth=max(1.3, handle.get_linewidth()))
+    axes[0].set_xlabel(axes[0].get_xlabel() + _far_flanks(axes[0], response))
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=6)
     figure.suptitle(style.describe(response)
                     + f"; {count} cycles drawn" * (not int(response.attrs["period"])))
     return figure
-
-
-def _whole(track: Path, response: xr.Dataset) -> tuple[float, float]:
-    """Limits of φ (µrad) around the motion; the coast flank too where the motion comes near."""
-    low, high = style.URAD * np.min(track.phi), style.URAD * np.max(track.phi)
-    gap = style.URAD * float(response.attrs["gap_width"])
-    if low < -0.5 * gap:
-        low = min(low, -gap)
-    low, high = min(low, 0), max(high, 0)
-    pad = 0.06 * (high - low) or 1.0
-    return low - pad, high + pad
-
-
-def _pressed(track: Path) -> tuple[float, float]:
-    top = style.URAD * np.max(track.phi)
-    return -0.3 * top, 1.1 * top
 
 
 def _draw(axis: Axes, track: Path, response: xr.Dataset, factor: float,
           limits: tuple[float, float]) -> None:
     """One panel: flanks, jumps, path, section."""
     _flanks(axis, response, limits)
-    light = 0.55 if cycles_many(track) else 0.9
+    long = cycles_many(track)
     many = track.phi.size > style.MANY
-    for kinds, color, dash, label in (
-            (IMPACTS, style.BLACK, (0, (4, 3)), "impact"),
-            ((EventKind.KINK,), style.GREEN, (0, (1, 2)), "kink of the flank")):
-        x, y = track.jumps(kinds, track.phi, track.phi_dot)
-        if x.size:
-            axis.plot(style.URAD * x, factor * y, color=color, linewidth=0.9, zorder=3,
-                      linestyle=dash, label=label, rasterized=many)
     for state, look in style.STATE_STYLES.items():
         x, y = track.stretches(state, track.phi, track.phi_dot)
         if x.size:
-            thin = {"linewidth": 0.45 * look["linewidth"]} if cycles_many(track) else {}
-            axis.plot(style.URAD * x, factor * y, **(look | thin), alpha=light, rasterized=many)
+            thin = {"linewidth": 0.4 * look["linewidth"]} if long else {}
+            axis.plot(style.URAD * x, factor * y, **(look | thin), rasterized=many)
+    x, y = track.jumps((EventKind.KINK,), track.phi, track.phi_dot)
+    if x.size:
+        axis.plot(style.URAD * x, factor * y, color=style.GREEN, linewidth=0.9, zorder=3,
+                  linestyle=(0, (1, 2)), label="kink of the flank", rasterized=many)
+    # Ends of the jumps alone: the way lies on the flank, and many of them would be one bar.
+    x, y = track.jumps(IMPACTS, track.phi, track.phi_dot)
+    for first, fill, label in ((0, style.BLACK, "impact: before"), (1, "white", "after")):
+        if x.size:
+            axis.plot(style.URAD * x[first::3], factor * y[first::3], linestyle="", zorder=4,
+                      marker="o", markersize=1.6 if long else 3.6, markerfacecolor=fill,
+                      markeredgecolor=style.BLACK, markeredgewidth=0.4 if long else 0.8,
+                      label=label, rasterized=many)
     _section(axis, response, track, factor)
     axis.set_xlim(limits)
 
 
-def _speed_limits(axis: Axes, track: Path, factor: float, pressed: bool) -> None:
-    """Speeds of all of the motion, or of engagement alone."""
+def _speed_limits(axis: Axes, track: Path, factor: float, state: MotionState | None) -> None:
+    """Speeds of all of the motion, or in one motion state alone."""
     speeds = factor * track.phi_dot
-    if pressed:
-        _, speeds = track.stretches(MotionState.ENGAGEMENT, track.phi, speeds)
+    if state is not None:
+        _, speeds = track.stretches(state, track.phi, speeds)
     low, high = np.nanmin(speeds), np.nanmax(speeds)
     pad = 0.06 * (high - low) or 1.0
     axis.set_ylim(low - pad, high + pad)
@@ -124,10 +119,10 @@ def _section(axis: Axes, response: xr.Dataset, track: Path, factor: float) -> No
     """The state at phase 0 of each cycle drawn."""
     first = round(float(track.position[0]))
     phi, phi_dot = (response[f"cycle_{key}"].values[first:] for key in ("phi", "phi_dot"))
-    size = 2.5 if cycles_many(track) else 5.5
-    axis.plot(style.URAD * phi, factor * phi_dot, linestyle="", marker="o", markersize=size,
-              markerfacecolor="white" if size > 3 else style.BLACK, markeredgewidth=1.1,
-              markeredgecolor=style.BLACK, zorder=5, rasterized=phi.size > style.MANY,
+    size = 3.5 if cycles_many(track) else 7
+    axis.plot(style.URAD * phi, factor * phi_dot, linestyle="", marker="D", markersize=size,
+              markerfacecolor="none" if size > 5 else style.GREEN, markeredgewidth=1.5 * (size > 5),
+              markeredgecolor=style.GREEN, zorder=5, rasterized=phi.size > style.MANY,
               label="stroboscopic section (phase 0)")
 
 
@@ -140,9 +135,10 @@ def _flanks(axis: Axes, response: xr.Dataset, limits: tuple[float, float]) -> No
             axis.axvline(wall, color="0.78", linewidth=4, zorder=1)
 
 
-def _coast_flank_far(axis: Axes, response: xr.Dataset) -> None:
-    """Say where the coast flank is when it lies outside."""
+def _far_flanks(axis: Axes, response: xr.Dataset) -> str:
+    """Say where the flanks are that lie outside."""
     gap = style.URAD * float(response.attrs["gap_width"])
-    if np.isfinite(gap) and axis.get_xlim()[0] > -gap:
-        axis.text(0.015, 0.02, f"← coast flank at −{gap:.4g} µrad", transform=axis.transAxes,
-                  fontsize=8.5, color=style.QUIET)
+    low, high = axis.get_xlim()
+    far = [f"coast flank at −{gap:.4g} µrad"] * bool(np.isfinite(gap) and low > -gap)
+    far += ["drive flank at 0"] * bool(high < 0)
+    return "".join(f"; {one}" for one in far)

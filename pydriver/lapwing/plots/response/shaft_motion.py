@@ -33,7 +33,7 @@ def draw(response: xr.Dataset, gear_pair: dict[str, float]) -> Figure:
     -------
     matplotlib.figure.Figure
     """
-    figure = style.new_figure(9.5, 6.4)
+    figure = style.new_figure(9.5, 6.4, rows=True)
     figure.suptitle(style.describe(response))
     if style.failed(response):
         style.nothing(figure.subplots(), style.motion(response.attrs), x=True)

@@ -23,6 +23,8 @@ _AFTER = {
     EventKind.CHATTER_END: _DRIVE, EventKind.BACK_CHATTER_END: _COAST,
 }
 IMPACTS = (EventKind.IMPACT, EventKind.BACK_IMPACT)
+# Contact that takes less of the motion's range than this is shown on a scale of its own.
+MAGNIFIED = 0.6
 
 
 @dataclass(frozen=True)
@@ -76,10 +78,33 @@ class Path:
                     same(self.jump, phi.shape).T.ravel()[keep],
                     joined(same(self.kind[:-1], phi.shape), self.kind[-1]))
 
-    def pressed(self) -> bool:
-        """Whether the motion is both free and pressed into the drive flank (rigid: never)."""
-        return bool(np.any(self.state == MotionState.SEPARATION) and np.max(self.phi) > 0
-                    and np.any(self.state == MotionState.ENGAGEMENT))
+    def pressed(self, response: xr.Dataset) -> bool:
+        """Whether the motion is both free and pressed into the drive flank, a little (rigid: not).
+
+        What is pressed in as far as it is free needs no scale of its own.
+        """
+        return self._magnified(MotionState.ENGAGEMENT, float(np.max(self.phi)), response)
+
+    def pressed_back(self, response: xr.Dataset) -> bool:
+        """The same of the coast flank, where that moves as the drive flank does."""
+        depth = -float(response.attrs["gap_width"]) - float(np.min(self.phi))
+        return bool(int(response.attrs.get("back_flank_te", 1))) \
+            and self._magnified(MotionState.BACK_ENGAGEMENT, depth, response)
+
+    def _magnified(self, state: MotionState, depth: float, response: xr.Dataset) -> bool:
+        low, high = self.limits(response)
+        return bool(0 < depth < MAGNIFIED * (high - low)
+                    and np.any(self.state == MotionState.SEPARATION)
+                    and np.any(self.state == state))
+
+    def limits(self, response: xr.Dataset) -> tuple[float, float]:
+        """Lowest and highest φ (rad) to show: of the motion, with the flanks that it comes near."""
+        low, high = float(np.nanmin(self.phi)), float(np.nanmax(self.phi))
+        gap = float(response.attrs["gap_width"])
+        near_coast, near_drive = low < -0.5 * gap, high > -0.5 * gap
+        low = min(low, -gap) if near_coast else low
+        high = max(high, 0.0) if near_drive else high
+        return (low if near_coast else min(low, 0.0)), (high if near_drive else max(high, -gap))
 
     def jumps(self, kinds: Any, *columns: NDArray[Any]) -> list[NDArray[Any]]:
         """Columns at both ends of each jump of the velocity at such events, parted by NaN."""
@@ -109,6 +134,16 @@ def events_of(response: xr.Dataset, kinds: Any, first: int = 0) -> dict[str, NDA
              "velocity_after", "impact_energy")
     columns = {name: response[name].values[rows] for name in names}
     return {**columns, "position": columns["event_cycle"] + columns["event_phase"]}
+
+
+def impulses(events: dict[str, NDArray[Any]], gear_pair: dict[str, float]) -> NDArray[Any]:
+    """Impulse of impacts along the normal, N·s: k'·lever·(φ' before - φ' after)/ω'.
+
+    Of J·Δφ' with J = k/ω'² and k = k'·lever², over the lever.
+    """
+    newton = float(gear_pair["mesh_stiffness"]) * float(gear_pair["pinion_base_lever"])
+    lost: NDArray[Any] = events["velocity_before"] - events["velocity_after"]
+    return newton / float(gear_pair["natural_frequency"]) * lost
 
 
 def path(response: xr.Dataset, cycles: int) -> Path:

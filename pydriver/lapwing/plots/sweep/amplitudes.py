@@ -52,7 +52,7 @@ def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title:
     -------
     matplotlib.figure.Figure
     """
-    figure = style.new_figure(11, 9)
+    figure = style.new_figure(11, 9, rows=True)
     axes = figure.subplots(3, 2, sharex=True)
     for axis, (name, factor, words, unit), letter in zip(axes.flat, PANELS, "abcdef", strict=True):
         axis.set_title(f"({letter}) {words}")
@@ -60,16 +60,14 @@ def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title:
         _panel(axis, sweep, name, factor)
     parameter = sweep_parts.parameter_of(sweep)
     values = sweep[parameter].values
-    engaged = sweep_parts.full_engagement_of(sweep, full_engagement)
-    sweep_parts.mark_full_engagement(axes.flat, engaged, axes[0, 1], sweep)
-    critical_marks.draw_marks(axes.flat, axes[0, 0], marks, values, engaged)
+    critical_marks.mark_sweep(axes.flat, sweep, full_engagement, marks)
     marked = _resonances(axes, parameter, values, gear_pair)
     sweep_parts.finish(figure, axes[:, 0], sweep,
                        f"amplitudes: {sweep.attrs.get('name', '')}" if title is None else title)
     axes[-1, 1].set_xlabel(axes[-1, 0].get_xlabel())
     if marked:
         axes[-1, 0].set_xlabel(f"{axes[-1, 0].get_xlabel()}; Ω: mesh frequency / natural frequency")
-    sweep_parts.legend(figure, axes[0, 0], sweep, failed=bool(sweep_parts.failed(sweep).any()))
+    sweep_parts.legend(figure, sweep, failed=bool(sweep_parts.failed(sweep).any()))
     return figure
 
 
@@ -80,9 +78,10 @@ def _panel(axis: Axes, sweep: xr.Dataset, name: str, factor: float) -> None:
                       if name.startswith("mesh_force") else "no amplitude is known")
         return
     for branch, look in sweep_parts.branches(sweep):
-        axis.plot(branch[sweep_parts.parameter_of(sweep)], factor * branch[name], linestyle="",
-                  marker="o", markersize=1.4 + look["size"], markeredgewidth=0,
-                  color=look["color"], alpha=look["alpha"])
+        shown = sweep_parts.differs(sweep, branch)
+        axis.plot(branch[sweep_parts.parameter_of(sweep)].values[shown],
+                  factor * branch[name].values[shown], linestyle="", marker="o", markersize=2.8,
+                  markeredgewidth=0, color=look["color"], alpha=0.9)
     top = factor * np.nanmax(sweep[name].values)
     bottom = min(0.0, factor * np.nanmin(sweep[name].values))
     axis.set_ylim(ROOM * bottom, ROOM * top if top > 0 else 0.0 if bottom else 1.0)

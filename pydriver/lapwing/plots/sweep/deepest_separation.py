@@ -43,7 +43,7 @@ def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title:
     matplotlib.figure.Figure
     """
     claims = [one for one in sweep_parts.claims_of(sweep, claims) if np.isfinite(one.depth)]
-    figure = style.new_figure(9, 5.2)
+    figure = style.new_figure(9, 5.4, rows=True)
     axis = figure.subplots()
     depth_lines(axis, sweep)
     found = float(sweep["deepest_separation"].max())  # NaN where no point has a result
@@ -55,34 +55,36 @@ def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title:
     if deepest == 0:
         axis.set_yticks([0])  # any other number would be made up
     axis.set_ylabel("deepest separation, max of −φ (µrad)"
-                    + small * "\nlogarithmic but near 0")
+                    + small * "\nlogarithmic, linear near 0")
     style.arcsec_scale(axis)
     _backlash(axis, gear_pair, top)
-    parameter = sweep_parts.parameter_of(sweep)
     curves = [line.get_xydata() for line in axis.lines if len(line.get_xydata()) > 2]
     for claim in claims:
         sweep_parts.claim_marker(axis, claim.value, style.URAD * claim.depth)
-    sweep_parts.mark_full_engagement(
-        [axis], sweep_parts.full_engagement_of(sweep, full_engagement), axis, sweep,
-        height=0.86)
-    critical_marks.draw_marks([axis], axis, marks, sweep[parameter].values,
-                              sweep_parts.full_engagement_of(sweep, full_engagement),
-                              heights=(0.78, 0.55))
+    critical_marks.mark_sweep([axis], sweep, full_engagement, marks)
     sweep_parts.finish(figure, [axis], sweep,
                        f"deepest separation: {sweep.attrs.get('name', '')}"
                        if title is None else title)
     _claim_texts(axis, sorted(claims), curves)
-    sweep_parts.legend(figure, axis, sweep, claims=bool(claims))
+    sweep_parts.legend(figure, sweep, claims=bool(claims), lines=True)
     return figure
 
 
 def depth_lines(axis: Axes, sweep: xr.Dataset) -> None:
-    """Deepest of all recorded cycles, µrad; a failed point leaves a gap."""
+    """Deepest of all recorded cycles, µrad; neighbours of one kind of motion are joined.
+
+    A failed point leaves a gap.  Motions without a period, whose depth depends on how long one
+    looks, are dots.
+    """
     for branch, look in sweep_parts.branches(sweep):
         depth = style.URAD * branch["deepest_separation"].max("recorded_cycle")
-        depth = depth.where(branch["status"] == 0)
-        axis.plot(branch[sweep_parts.parameter_of(sweep)], depth, color=look["color"],
-                  linewidth=1.0 + 0.5 * look["size"])
+        depth = depth.where((branch["status"] == 0) & sweep_parts.differs(sweep, branch)).values
+        x, period = branch[sweep_parts.parameter_of(sweep)].values, branch["period"].values
+        joined = (period[1:] == period[:-1]) & (period[1:] > 0)
+        breaks = np.flatnonzero(~joined) + 1
+        axis.plot(np.insert(x, breaks, np.nan), np.insert(depth, breaks, np.nan),
+                  color=look["color"], linewidth=look["width"], marker="o",
+                  markersize=1.5 * look["width"], markeredgewidth=0)
     axis.set_ylim(bottom=0)
 
 

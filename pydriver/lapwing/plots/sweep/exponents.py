@@ -41,17 +41,14 @@ def draw(sweep: xr.Dataset, *, title: str | None = None, full_engagement: float 
     -------
     matplotlib.figure.Figure
     """
-    figure = style.new_figure(10, 9)
+    figure = style.new_figure(10, 9, rows=True)
     axes = figure.subplots(3, 1, sharex=True, height_ratios=[2.4, 2.2, 1.6])
     for axis, panel, letter in zip(axes, (_section, _exponents, _multipliers), "abc", strict=True):
         axis.set_title(f"({letter}) {panel(axis, sweep)}")
-    values = sweep[sweep_parts.parameter_of(sweep)].values
-    engaged = sweep_parts.full_engagement_of(sweep, full_engagement)
-    sweep_parts.mark_full_engagement(axes, engaged, axes[1], sweep, height=0.25)
-    critical_marks.draw_marks(axes, axes[0], marks, values, engaged)
+    critical_marks.mark_sweep(axes, sweep, full_engagement, marks)
     sweep_parts.finish(figure, axes, sweep,
                        f"exponents: {sweep.attrs.get('name', '')}" if title is None else title)
-    sweep_parts.legend(figure, axes[0], sweep, failed=bool(sweep_parts.failed(sweep).any()))
+    sweep_parts.legend(figure, sweep, failed=bool(sweep_parts.failed(sweep).any()))
     return figure
 
 
@@ -82,10 +79,11 @@ def _exponents(axis: Axes, sweep: xr.Dataset) -> str:
             & (branch["period"].values == 0)
         error = error * np.divide(rate, per_tau, out=np.zeros_like(rate), where=shown)
         error[~shown] = 0
-        axis.errorbar(x, np.where(np.isfinite(rate), rate, np.nan), error, linestyle="",
-                      marker="o", markersize=1.8 + look["size"], markeredgewidth=0,
+        other = sweep_parts.differs(sweep, branch)
+        axis.errorbar(x[other], np.where(np.isfinite(rate), rate, np.nan)[other], error[other],
+                      linestyle="", marker="o", markersize=3, markeredgewidth=0,
                       elinewidth=0.8, color=look["color"], alpha=look["alpha"])
-        gone = np.isneginf(rate)
+        gone = np.isneginf(rate) & other
         lost += int(gone.sum())
         axis.plot(x[gone], np.full(gone.sum(), floor), linestyle="", marker="v", markersize=4,
                   color=look["color"])
@@ -105,12 +103,13 @@ def _multipliers(axis: Axes, sweep: xr.Dataset) -> str:
     for branch, look in sweep_parts.branches(sweep):
         x = branch[sweep_parts.parameter_of(sweep)].values
         real, imag = (branch[f"multiplier_{part}"].values[:, 0] for part in ("real", "imag"))
-        shown = (branch["status"].values == Status.OK) & np.isfinite(real)
+        shown = (branch["status"].values == Status.OK) & np.isfinite(real) \
+            & sweep_parts.differs(sweep, branch)
         for kind, marker in ((imag != 0, "s"), ((imag == 0) & (real < 0), "v"),
                              ((imag == 0) & (real >= 0), "^")):
             rows = shown & kind
             axis.plot(x[rows], np.hypot(real, imag)[rows], linestyle="", marker=marker,
-                      markersize=2.2 + look["size"], markeredgewidth=0, color=look["color"],
+                      markersize=3.4, markeredgewidth=0, color=look["color"],
                       alpha=look["alpha"])
     axis.axhline(1, color="0.3", linewidth=0.9)
     axis.set_ylim(0, 1.12)

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 def shows(sweep: xr.Dataset) -> bool:
     """Whether some point has a result, speeds were counted, and there are impacts at all."""
     return bool(known(sweep).any() and "impact_speed_density" in sweep
-            and arrivals_in(sweep.attrs).threshold)
+                and arrivals_in(sweep.attrs).threshold
+                and (sweep["impact_speed_density"].values > 0).any())
 
 
 @style.house_style()
@@ -68,9 +69,7 @@ def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title:
     if seen.size:
         figure.colorbar(image, ax=list(axes), label="impacts per mesh cycle and decade of speed",
                         pad=0.02, aspect=40)
-    engaged = sweep_parts.full_engagement_of(sweep, full_engagement)
-    sweep_parts.mark_full_engagement(axes, engaged, axes[0], sweep)
-    critical_marks.draw_marks(axes, axes[0], marks, values, engaged, heights=(0.2, 0.2))
+    critical_marks.mark_sweep(axes, sweep, full_engagement, marks)
     sweep_parts.finish(figure, axes, sweep,
                        f"impact speeds: {sweep.attrs.get('name', '')}" if title is None else title)
     return figure

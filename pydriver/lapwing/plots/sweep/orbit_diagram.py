@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 # Periods above this share a row of the strip.
 HIGHEST_PERIOD = 8
+# Where the row of impacts on the coast flank stands, in parts of the panel.
+COAST_ROW = 0.93
 # Places told apart over the height of a panel, several to a pixel; and the number of points on
 # one after which further ones change little, even at the edge of a small dot.
 PLACES, OPAQUE = 4096, 20
@@ -60,22 +62,16 @@ def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title:
         panels[_depths] = panels.pop(_impact_speeds)
         panels = {panel: panels[panel] for panel in (_section, _depths, _impacts, _periods)}
     claims = sweep_parts.claims_of(sweep, claims)
-    figure = style.new_figure(10, 10.5)
+    figure = style.new_figure(10, 10.5, rows=True)
     axes = figure.subplots(4, 1, sharex=True, height_ratios=list(panels.values()))
     for axis, panel, letter in zip(axes, panels, "abcd", strict=True):
         axis.set_title(f"({letter}) {panel(axis, sweep, gear_pair, claims)}")
-    parameter = sweep_parts.parameter_of(sweep)
-    sweep_parts.mark_full_engagement(
-        axes, sweep_parts.full_engagement_of(sweep, full_engagement), axes[1], sweep)
-    # On a logarithmic scale the middle of the panel is where the motion passes the flank.
-    heights = (0.8, 0.12) if axes[0].get_yscale() == "symlog" else (0.55, 0.55)
-    critical_marks.draw_marks(axes, axes[0], marks, sweep[parameter].values,
-                              sweep_parts.full_engagement_of(sweep, full_engagement), heights)
+    critical_marks.mark_sweep(axes, sweep, full_engagement, marks)
     sweep_parts.finish(figure, axes, sweep,
                        f"orbit diagram: {sweep.attrs.get('name', '')}" if title is None else title)
     shown = [one for one in claims if np.isfinite(one.impacts) or (np.isfinite(one.depth)
              and _depths in panels)]
-    sweep_parts.legend(figure, axes[0], sweep, claims=bool(shown),
+    sweep_parts.legend(figure, sweep, claims=bool(shown), more=_coast_entries(sweep),
                        failed=bool(sweep_parts.failed(sweep).any()))
     return figure
 
@@ -107,7 +103,8 @@ def _section(axis: Axes, sweep: xr.Dataset, gear_pair: dict[str, float] | None, 
     small = style.widen_small_values(axis, style.URAD * sweep["phi"].values)
     for branch, look in sweep_parts.branches(sweep):
         x = branch[sweep_parts.parameter_of(sweep)].values
-        y = style.URAD * branch["phi"].values
+        y = np.where(sweep_parts.differs(sweep, branch)[:, None],
+                     style.URAD * branch["phi"].values, np.nan)
         _dots(axis, np.broadcast_to(x[:, None], y.shape), y, look)
     axis.axhline(0, color="0.5", linewidth=0.8)
     axis.set_ylim(axis.get_ylim())
@@ -127,7 +124,8 @@ def _impact_speeds(axis: Axes, sweep: xr.Dataset, gear_pair: dict[str, float] | 
     for branch, look in sweep_parts.branches(sweep):
         x = branch[sweep_parts.parameter_of(sweep)].values
         place, point = listed_impacts(branch)
-        _dots(axis, x[point], factor * np.abs(velocity[place]), look)
+        shown = sweep_parts.differs(sweep, branch)[point]
+        _dots(axis, x[point[shown]], factor * np.abs(velocity[place[shown]]), look)
     axis.set_ylabel(f"approach speed |φ'|\n({unit})")
     if velocity.size:
         axis.set_ylim(bottom=0)
@@ -157,21 +155,36 @@ def _impacts(axis: Axes, sweep: xr.Dataset, gear_pair: dict[str, float] | None,
              claims: list[Claim]) -> str:
     """Arrivals per cycle at the drive flank, and at the coast flank where there are any."""
     law = arrivals_in(sweep.attrs)
+    struck = np.zeros(sweep.sizes[sweep_parts.parameter_of(sweep)], bool)
     for branch, look in sweep_parts.branches(sweep):
         x = branch[sweep_parts.parameter_of(sweep)].values
-        axis.plot(x, per_cycle(branch), color=look["color"],
-                  linewidth=1.0 + 0.4 * look["size"])
-        back = per_cycle(branch, "coast")
-        axis.plot(x, np.where(back > 0, back, np.nan), linestyle="", marker="v",
-                  markersize=4 + look["size"], markeredgewidth=0, color=look["color"], zorder=3)
+        count = sweep_parts.beside(per_cycle(branch), sweep_parts.differs(sweep, branch))
+        axis.plot(x, count, color=look["color"], linewidth=look["width"])
+        struck |= per_cycle(branch, "coast") > 0
+    # A row of its own: so few they are, a curve would lie on the axis.
+    axis.plot(x[struck], np.full(struck.sum(), COAST_ROW), linestyle="", marker="v",
+              markersize=4.5, markeredgewidth=0, color=style.BLUE, zorder=3,
+              transform=axis.get_xaxis_transform())
     for claim in claims:
         if np.isfinite(claim.impacts):
             sweep_parts.claim_marker(axis, claim.value, claim.impacts)
     axis.set_ylabel(f"{law.word}s\nper cycle")
-    axis.set_ylim(bottom=0)
+    axis.set_ylim(0, 1.15 * (axis.get_ylim()[1] or 1))
     axis.yaxis.get_major_locator().set_params(integer=True)
-    return (f"{law.word}s per cycle, {law.rule(float(sweep.attrs['count_depth']))}; "
-            "▾ at the coast flank")
+    return (f"{law.word}s per cycle on the drive flank, "
+            f"{law.rule(float(sweep.attrs['count_depth']))}")
+
+
+def _coast_entries(sweep: xr.Dataset) -> list[Any]:
+    """The legend's entry of impacts on the coast flank, where there are any."""
+    from matplotlib.lines import Line2D
+
+    struck = any((per_cycle(branch, "coast") > 0).any()
+                 for branch, _ in sweep_parts.branches(sweep))
+    word = arrivals_in(sweep.attrs).word
+    return [Line2D([], [], linestyle="", marker="v", markersize=5, markeredgewidth=0,
+                   color=style.BLUE, label=f"(c) {word}s on the coast flank, from some start")
+            ] * struck
 
 
 def _periods(axis: Axes, sweep: xr.Dataset, gear_pair: dict[str, float] | None,
@@ -185,10 +198,10 @@ def _periods(axis: Axes, sweep: xr.Dataset, gear_pair: dict[str, float] | None,
     for branch, look in sweep_parts.branches(sweep):
         x = branch[sweep_parts.parameter_of(sweep)].values
         period, fails = branch["period"].values, sweep_parts.failed(branch)
-        done = branch["status"].values == Status.OK
+        done = (branch["status"].values == Status.OK) & sweep_parts.differs(sweep, branch)
         shown = np.where(period == 0, none, np.minimum(period, HIGHEST_PERIOD))
         axis.plot(x[done], shown[done], linestyle="", marker="s", color=look["color"],
-                  markersize=1.2 + 1.3 * look["size"], markeredgewidth=0)
+                  markersize=3.2, markeredgewidth=0)
         axis.plot(x[fails], np.full(np.sum(fails), lost), linestyle="", marker="x", markersize=4,
                   color=look["color"])
     axis.set_yticks(rows, labels)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -18,11 +19,18 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+# Of the branch that all others are compared with, and of those where they differ from it.
+START_LABEL = style.START_STYLES["rest"]["label"]
+DIFFERENT = ", where different"
+# Sections that agree to this part are the same motion.  Of motions without a period their
+# distributions: beyond this distance (the greatest difference of the shares below any value) two
+# of a hundred points each, of one motion, hardly ever are, even if neighbours are correlated.
+SAME, APART = 1e-3, 0.35
+# An entry of a legend has about so many letters; of a line of them so many fit.
+LETTERS = 105
 # Words on an axis where they are others than a sentence takes.
 AXIS_WORDS = {"brake_torque": "braking torque", "restitution": "coefficient of restitution"}
 
-# Part of the range that the words beside the line of complete engagement may need.
-ROOM = 0.4
 # Free part of the range at either end, so that the points there are whole.
 MARGIN = 0.008
 
@@ -80,6 +88,44 @@ def branches(sweep: xr.Dataset) -> list[tuple[xr.Dataset, Any]]:
             for start in style.DRAWING_ORDER if start in starts]
 
 
+def differs(sweep: xr.Dataset, branch: xr.Dataset) -> NDArray[Any]:
+    """At which values a branch has another motion than the one from rest, or none to compare.
+
+    The same: both with one period and, whatever the cycle it begins with, one section; or both
+    without, and sections that are distributed alike.
+    """
+    starts = [str(start) for start in sweep["start"].values]
+    if str(branch["start"].values) == "rest" or "rest" not in starts:
+        return np.ones(branch["status"].shape, bool)
+    rest = sweep.isel(start=starts.index("rest"))
+    one, two = (np.sort(data["phi"].values, axis=-1) for data in (branch, rest))
+    close = np.abs(one - two) <= SAME * np.maximum(np.abs(two), SAME * np.nanmax(
+        np.abs(two), initial=0.0))
+    done = (branch["status"].values == Status.OK) & (rest["status"].values == Status.OK)
+    same = done & (branch["period"].values == rest["period"].values)
+    wild = same & (rest["period"].values == 0)
+    same &= wild | close.all(axis=-1)
+    for i in np.flatnonzero(wild):
+        same[i] = _distance(one[i], two[i]) <= APART
+    return ~same
+
+
+def _distance(one: NDArray[Any], two: NDArray[Any]) -> float:
+    """Kolmogorov's distance of two sorted samples."""
+    at = np.concatenate([one, two])
+    shares = [np.searchsorted(some, at, side="right") / some.size for some in (one, two)]
+    return float(np.max(np.abs(shares[0] - shares[1])))
+
+
+def beside(values: NDArray[Any], shown: NDArray[Any]) -> NDArray[Any]:
+    """A line where it is shown and at the neighbours on either side, so that it joins the others.
+
+    NaN elsewhere.
+    """
+    near = shown | np.append(shown[1:], False) | np.append(False, shown[:-1])
+    return np.where(near, values, np.nan)
+
+
 def failed(dataset: xr.Dataset) -> NDArray[Any]:
     """Where a run failed numerically; points that an interrupted sweep never reached are not."""
     status = dataset["status"].values
@@ -99,33 +145,7 @@ def full_engagement_of(sweep: xr.Dataset, given: float | None) -> float | None:
     return None if given is None or not np.isfinite(given) else float(given)
 
 
-def mark_full_engagement(axes: Any, value: float | None, labelled: Axes, sweep: xr.Dataset,
-                         height: float = 0.96) -> None:
-    """A vertical line through all panels; in one of them its number and what rattles above it."""
-    x = sweep[parameter_of(sweep)].values
-    if value is None or not x[0] <= value <= x[-1]:
-        return
-    ends = [float(sweep.attrs[key]) for key in ("full_engagement_low", "full_engagement_high")
-            if np.isfinite(sweep.attrs.get(key, np.nan))]
-    for axis in axes:
-        axis.axvline(value, color="0.35", linewidth=0.9, linestyle=(0, (5, 3)), zorder=1)
-        if len(ends) == 2:  # what the noise of measured samples leaves
-            axis.axvspan(*ends, color="0.35", alpha=0.15, linewidth=0, zorder=0.5)
-    number = f"{value:.4g}" if len(ends) < 2 else \
-        f"{value:.3g} ({ends[0]:.3g} to {ends[1]:.3g}, 95 %)"
-    # Where there is no room to the left of the line, the words go to its right.
-    left = value - x[0] > ROOM * (x[-1] - x[0])
-    labelled.annotate(
-        f"T_full = {number} {unit_of(parameter_of(sweep))}: contact can be kept from here;\n"
-        f"{_beyond(sweep, value)}",
-        (value, height),
-        xycoords=("data", "axes fraction"), xytext=(-6 if left else 6, 0),
-        textcoords="offset points", ha="right" if left else "left", va="top",
-        fontsize=8.5, color="0.25",
-        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1})
-
-
-def _beyond(sweep: xr.Dataset, value: float) -> str:
+def beyond(sweep: xr.Dataset, value: float) -> str:
     """What was seen to rattle above a value, in few words: the report says the rest."""
     if "states_visited" not in sweep:
         return "other motions may rattle above"
@@ -162,13 +182,21 @@ def claim_marker(axis: Axes, value: float, height: float) -> None:
               markeredgecolor=style.CLAIM, markeredgewidth=1.8, linestyle="", zorder=6)
 
 
-def legend(figure: Figure, axis: Axes, sweep: xr.Dataset, *, claims: bool = False,
-           failed: bool = False) -> None:
-    """One entry for each branch, with markers that can be seen, outside of the panels."""
+def legend(figure: Figure, sweep: xr.Dataset, *, claims: bool = False, failed: bool = False,
+           lines: bool = False, more: Sequence[Any] = ()) -> None:
+    """One entry for each branch, drawn as the panels have it, outside of them.
+
+    `lines`: the branches are lines with dots; `more`: entries of other things.
+    """
     from matplotlib.lines import Line2D
 
-    handles = [Line2D([], [], linestyle="", marker="o", markersize=5, color=look["color"],
-                      label=look["label"]) for _, look in reversed(branches(sweep))]
+    found = branches(sweep)
+    differ = DIFFERENT if any(look["label"] == START_LABEL for _, look in found) else ""
+    handles = [Line2D([], [], linestyle="-" if lines else "", marker="o",
+                      markersize=3.5 if lines else 5, color=look["color"],
+                      linewidth=look["width"],
+                      label=look["label"] + (differ if look["label"] != START_LABEL else ""))
+               for _, look in found]
     if claims:
         handles.append(Line2D([], [], linestyle="", marker="D", markersize=6, label="source",
                               markerfacecolor="none", markeredgecolor=style.CLAIM,
@@ -176,7 +204,9 @@ def legend(figure: Figure, axis: Axes, sweep: xr.Dataset, *, claims: bool = Fals
     if failed:
         handles.append(Line2D([], [], linestyle="", marker="x", markersize=6, label="failed",
                               color=style.BLACK))
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    handles += more
+    rows = -(-sum(len(str(one.get_label())) + 8 for one in handles) // LETTERS)
+    figure.legend(handles=handles, loc="outside lower center", ncols=-(-len(handles) // rows))
 
 
 def finish(figure: Figure, axes: NDArray[Any], sweep: xr.Dataset, title: str) -> None:

@@ -66,11 +66,7 @@ def draw(sweep: xr.Dataset, *, title: str | None = None, full_engagement: float 
             style.note(axis, sweep_parts.lost(sweep, start))
     figure.colorbar(image, ax=list(axes), label="amplitude of φ (µrad)", pad=0.02, aspect=40,
                     extend="min")
-    engaged = sweep_parts.full_engagement_of(sweep, full_engagement)
-    if engaged is not None and values[0] <= engaged <= values[-1]:
-        for axis in axes:
-            axis.axvline(engaged, color="white", linewidth=0.9)
-    critical_marks.draw_marks(axes, axes[0], marks, values, engaged)
+    critical_marks.mark_sweep(axes, sweep, full_engagement, marks, color="white")
     sweep_parts.finish(figure, axes, sweep,
                        f"order spectra: {sweep.attrs.get('name', '')}" if title is None else title)
     return figure
