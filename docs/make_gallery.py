@@ -1,17 +1,26 @@
 """Make docs/gallery.md and its images from results/ of the shipped decks.
 
-Run from the checkout after `lapwing run inputs/*.nml`: python docs/make_gallery.py
+Run from the checkout after `lapwing run --figures none inputs/*.nml`: python docs/make_gallery.py
 """
 
 import re
+import tempfile
 from pathlib import Path
 
-from PIL import Image
+from lapwing.plots import attempt, style, tasks_of
+from lapwing.plots.choice import asked, formats_of
+from lapwing.results import read_results
 
 DOCS = Path(__file__).parent
 RESULTS = Path("results")
-WIDTH = 860
-COLOURS = 96
+# Dots an inch: the figures are drawn for a page, so that letters and colours stay what they are.
+DPI = 90
+# Figures beside those that a run draws by itself, at least one of each kind.
+MORE = {"lapping_25x32": {"staircase_torque", "phase_portrait_torque_3.3",
+                          "impact_section_torque_3.3", "spectrum_torque_3.3", "te_curve"},
+        "critical_25x32": {"critical_search_T_safe", "critical_search_T_back"},
+        "kinked_480rpm": {"phase_portrait_torque_0.8", "te_curve"},
+        "plane_25x32": {"map_depth", "map_arrivals"}}
 
 DECKS = {
     "lapping_25x32": "The published 25 × 32 pair at 240 rpm, transmission error reconstructed, "
@@ -61,36 +70,69 @@ FIGURES = {
 }
 
 
-def shrunk(source, target):
-    """A copy small enough for a page: fewer pixels, fewer colours."""
-    with Image.open(source) as image:
-        height = round(image.height * WIDTH / image.width)
-        small = image.convert("RGB").resize((WIDTH, height), Image.LANCZOS)
+def drawn(results, tasks, folder):
+    """Draw some figures of a result file for a page."""
+    before, style.DPI = style.DPI, DPI
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        for task in tasks:
+            problem = attempt(results, task._replace(formats=("png",)), folder)
+            if problem:
+                raise RuntimeError(f"{task.stem}: {problem.what}")
+    finally:
+        style.DPI = before
+
+
+def shrunk(stem, result, target):
+    """One figure of a result file, drawn for a page."""
+    with read_results(result) as results, tempfile.TemporaryDirectory() as folder:
+        drawn(results, [task for task in tasks_of(results) if task.stem == stem], Path(folder))
         target.parent.mkdir(parents=True, exist_ok=True)
-        small.quantize(COLOURS, dither=Image.Dither.NONE).save(target, optimize=True)
+        target.write_bytes((Path(folder) / f"{stem}.png").read_bytes())
 
 
-def number(path):
+def shown(results, deck):
+    """Figures of a deck for the gallery: the few of a run, and some more."""
+    words = asked("png", {(kind, name): None for kind, names in results.studies.items()
+                          for name in names})
+    kinds = [task for task in tasks_of(results) if formats_of(task, results, words)]
+    return kinds + [task for task in tasks_of(results) if task not in kinds and (
+        task.stem in MORE.get(deck, ()) or task.module.rpartition(".")[2] in MORE.get(deck, ()))]
+
+
+def number(task):
     """Torque in a figure's name, to sort by."""
-    found = re.search(r"_(\d+(?:\.\d+)?)$", path.stem)
+    found = re.search(r"_(\d+(?:\.\d+)?)$", task.stem)
     return float(found[1]) if found else 0.0
 
 
 def main():
-    lines = ["# Gallery", "", "Every figure of the shipped decks, made by the command above it "
-             "(reduced copies; `lapwing run` writes PNG and PDF).", ""]
+    lines = ["# Gallery", "", "Figures of the shipped decks: what the command above them draws, "
+             "and some that are drawn where they are asked for "
+             "([deck.md](deck.md), section \"Figures\").", ""]
     for deck, words in DECKS.items():
+        if not (RESULTS / deck / "result.nc").exists():
+            raise SystemExit(f"{RESULTS / deck}: no results; run the deck first")
         lines += [f"## {deck}", "", words, "", f"    lapwing run inputs/{deck}.nml", ""]
+        folder = DOCS / "images" / "gallery" / deck
+        for old in folder.glob("*.png"):
+            old.unlink()
+        with read_results(RESULTS / deck / "result.nc") as results:
+            tasks = shown(results, deck)
+            drawn(results, tasks, folder)
         for kind, caption in FIGURES.items():
-            paths = sorted((RESULTS / deck).glob(f"{kind}*.png"), key=number)
-            if not paths:
-                continue
-            lines += [f"### {caption}", ""]
-            for path in paths:
-                image = Path("images") / "gallery" / deck / path.name
-                shrunk(path, DOCS / image)
-                lines += [f"![{deck}: {path.stem.replace('_', ' ')}]({image.as_posix()})", ""]
+            of_kind = sorted((task for task in tasks
+                              if task.module.rpartition(".")[2] == kind), key=number)
+            lines += [f"### {caption}", ""] * bool(of_kind)
+            for task in of_kind:
+                image = Path("images") / "gallery" / deck / f"{task.stem}.png"
+                lines += [f"![{deck}: {task.stem.replace('_', ' ')}]({image.as_posix()})", ""]
     (DOCS / "gallery.md").write_text("\n".join(lines), encoding="utf-8")
+    # Of the README.
+    for deck, stem in (("lapping_25x32", "orbit_diagram_torque"), ("plane_25x32",
+                                                                   "map_classes_plane")):
+        shrunk(stem, RESULTS / deck / "result.nc",
+               DOCS / "images" / f"{stem.rpartition('_')[0]}.png")
 
 
 if __name__ == "__main__":

@@ -19,9 +19,9 @@ from lapwing.results import read_results
 DOCS = Path(__file__).parent
 RESULTS = Path(sys.argv[1] if len(sys.argv) > 1 else "results")
 TORQUES = ("0.8", "1.8", "3.3", "5.5", "12")
-FIGURES = {"back": "critical_25x32/critical_search_T_back.png",
-           "safe": "critical_25x32/critical_search_T_safe.png",
-           "depth": "lapping_25x32/deepest_separation_torque.png"}
+FIGURES = {"back": "critical_25x32/critical_search_T_back",
+           "safe": "critical_25x32/critical_search_T_safe",
+           "depth": "lapping_25x32/deepest_separation_torque"}
 
 
 def motion(attrs):
@@ -120,7 +120,7 @@ def short(results, name):
             f"back impacts are seen up to the end of the search, {attrs['scan_from']:g} N·m"
     full = results.critical("T_full").attrs["estimate"]
     same = bool(abs(attrs["estimate"] - full) <= attrs["bar"])
-    return f"{label_of(critical)} N·m" + (
+    return label_of(critical) + (
         ", which is T_full within its bar: above it no rattling was seen" * same)
 
 
@@ -159,7 +159,9 @@ def main():
     filled = re.sub(r"{{(.*?)}}", lambda match: found[match[1]], text)
     (DOCS / "source-case.md").write_text(wrapped(filled), encoding="utf-8")
     for name, source in FIGURES.items():
-        shrunk(RESULTS / source, DOCS / "images" / "source_case" / f"{name}.png")
+        deck, _, stem = source.partition("/")
+        shrunk(stem, RESULTS / deck / "result.nc",
+               DOCS / "images" / "source_case" / f"{name}.png")
 
 
 if __name__ == "__main__":

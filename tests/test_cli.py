@@ -257,7 +257,7 @@ def signalled(*given, **more):
 setattr(owner, name, signalled)
 from lapwing import plots
 from lapwing.__main__ import main
-plots.FIGURES.update(response=("response.impact_section",), sweep=())
+plots.FIGURES.update(response=("response.history",), sweep=())
 sys.argv = ["lapwing", "run", {deck!r}, "--out", {out!r}, "--threads", "2"]
 main()
 """

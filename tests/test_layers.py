@@ -192,8 +192,8 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 # know nothing of each other. What lies loose in the package is the command line.
 PYTHON_ROOMS = [{"base"}, {"model"}, {"deck"}, {"engine"}, {"results"}, {"studies"},
                 {"report", "plots"}]
-LOOSE = [{"executors", "folder", "progress", "console", "accessor"}, {"run", "part"}, {"commands"},
-         {"cli"}, {"__main__"}]
+LOOSE = [{"executors", "folder", "progress", "console", "accessor"}, {"run", "part", "drawing"},
+         {"commands"}, {"cli"}, {"__main__"}]
 
 
 def rank(name):

@@ -7,8 +7,9 @@ import pytest
 
 from lapwing import progress
 from lapwing.deck import load_deck
+from lapwing.drawing import plot_file
 from lapwing.progress import MINUTE, PATIENCE, Bars, Lines
-from lapwing.run import plot_file, run_deck
+from lapwing.run import run_deck
 from test_cli import write_deck
 
 # Only ends a test whose line does not come.
@@ -116,7 +117,7 @@ def test_a_single_response_is_not_silent(tmp_path, hasty, monkeypatch):
 
 
 def test_drawing_again_tells_how_far_it_is(tmp_path, monkeypatch):
-    monkeypatch.setattr("lapwing.plots.FIGURES", {"response": ("impact_section",), "sweep": (),
+    monkeypatch.setattr("lapwing.plots.FIGURES", {"response": ("history",), "sweep": (),
                                          "critical": ("critical_search",)})
     run_deck(load_deck(write_deck(tmp_path)), tmp_path / "r", threads=1)
     monkeypatch.setattr(progress, "MINUTE", 0.0)

@@ -31,7 +31,7 @@ ALL = ("--threads", 1, "--figures", "all")
 def two_figures():
     """Few figures, drawn for real."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lapwing.plots.FIGURES", {"response": ("impact_section",), "sweep": (),
+        patch.setattr("lapwing.plots.FIGURES", {"response": ("history",), "sweep": (),
                                       "critical": ("critical_search",)})
         yield
 
@@ -184,12 +184,12 @@ def test_what_the_user_adds_stays(done, there):
 
 def test_a_name_that_the_user_has_taken_is_left_to_him(done, there):
     """A figure of the new values would be named like a file of the user's."""
-    (there / "impact_section_two.png").write_text("mine")
+    (there / "history_two.png").write_text("mine")
     result = again(done, there, "--set", "response.one.name=two", "--force")
     assert result.exit_code == FAILED and "a file of yours is named" in result.output
-    assert (there / "impact_section_two.png").read_text() == "mine"
-    assert (there / "impact_section_two.pdf").exists()
-    assert not (there / "impact_section_one.pdf").exists()
+    assert (there / "history_two.png").read_text() == "mine"
+    assert (there / "history_two.pdf").exists()
+    assert not (there / "history_one.pdf").exists()
 
 
 @pytest.mark.parametrize("name", ["..nml", "...nml", ".hidden.nml"])
@@ -255,7 +255,7 @@ def stopped(*given, **more):
 
 setattr(owner, name, stopped)
 from lapwing import plots
-plots.FIGURES.update(response=("response.impact_section",), sweep=())
+plots.FIGURES.update(response=("response.history",), sweep=())
 from lapwing.deck import load_deck
 from lapwing.run import run_deck
 deck = load_deck({deck!r}, [("operation.brake_torque", "6")])
@@ -384,7 +384,7 @@ FULL_DISK = """
 import resource, signal, sys
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 from lapwing import plots
-plots.FIGURES.update(response=("response.impact_section",), sweep=())
+plots.FIGURES.update(response=("response.history",), sweep=())
 from lapwing.deck import load_deck
 from lapwing.run import run_deck
 resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size}))
@@ -416,7 +416,7 @@ def test_figures_without_room_are_named_and_the_numbers_kept(done, tmp_path, two
     original = style.save
 
     def save(figure, *paths):
-        if "impact" in paths[0].name:
+        if "history" in paths[0].name:
             paths[0].write_bytes(b"half")
             raise OSError(errno.ENOSPC, "No space left on device", str(paths[0]))
         original(figure, *paths)
@@ -426,8 +426,8 @@ def test_figures_without_room_are_named_and_the_numbers_kept(done, tmp_path, two
         patch.setattr(style, "save", save)
         result = call("run", done[0], "--out", folder.parent, *ALL)
     assert result.exit_code == SURROUNDINGS
-    assert "figure impact_section_one: OSError: [Errno 28]" in result.output
-    lost = {"impact_section_one.png", "impact_section_one.pdf"}
+    assert "figure history_one: OSError: [Errno 28]" in result.output
+    lost = {"history_one.png", "history_one.pdf"}
     expected = contents(done[1])
     assert contents(folder).keys() == expected.keys() - lost
     manifest = Manifest.read(folder)
@@ -483,7 +483,7 @@ import os, signal
 from lapwing import plots
 from lapwing.plots import style
 from lapwing.results import store
-plots.FIGURES.update(response=("response.impact_section",), sweep=())
+plots.FIGURES.update(response=("response.history",), sweep=())
 style.DPI = 40
 left, replace = {step}, os.replace
 
@@ -495,7 +495,7 @@ def counted(*names):
     replace(*names)
 
 store.os.replace = counted
-from lapwing.run import plot_file
+from lapwing.drawing import plot_file
 plot_file({path!r})
 """
 
@@ -549,7 +549,7 @@ def test_a_figure_that_fails_leaves_the_others_and_is_named(tmp_path, monkeypatc
     """The next run does not take these results for complete."""
     from lapwing.plots import te_curve
 
-    monkeypatch.setattr("lapwing.plots.FIGURES", {"response": ("impact_section",), "sweep": (),
+    monkeypatch.setattr("lapwing.plots.FIGURES", {"response": ("history",), "sweep": (),
                                       "critical": ("critical_search",)})
 
     def broken(*_):
@@ -562,11 +562,11 @@ def test_a_figure_that_fails_leaves_the_others_and_is_named(tmp_path, monkeypatc
         assert result.exit_code == FAILED
         assert "small: figure te_curve: RuntimeError: no ink" in result.output
         names = {path.name for path in (out / "small").iterdir()}
-        assert {"result.nc", "summary.md", "impact_section_one.png"} <= names
+        assert {"result.nc", "summary.md", "history_one.png"} <= names
         assert "te_curve.png" not in names
         monkeypatch.setenv("OMP_NUM_THREADS", "1")
         again = call("plot", out / "small" / "result.nc", "--out", tmp_path / "p")
-        assert again.exit_code == FAILED and "impact_section_one.pdf" in again.output
+        assert again.exit_code == FAILED and "history_one.pdf" in again.output
         assert "figure te_curve: RuntimeError: no ink" in again.output
     assert call("run", deck, "--out", out, *ALL).exit_code == OK
     assert (out / "small" / "te_curve.png").exists()

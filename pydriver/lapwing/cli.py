@@ -57,7 +57,7 @@ Decks = Annotated[list[Path], typer.Argument(metavar="DECK...", help="namelist d
 
 
 class Figures(StrEnum):
-    """Formats of the figures of a run."""
+    """Which figures of a run, and in which formats."""
 
     NONE, PNG, ALL = "none", "png", "all"
 
@@ -85,7 +85,8 @@ def run(decks: Decks,
         force: Annotated[bool, typer.Option(
             "--force", help="replace results of other values")] = False,
         figures: Annotated[Figures, typer.Option(
-            help="formats of the figures; all: PNG and PDF")] = Figures.PNG,
+            help="png: those that the deck asks for, or the fewest that answer it; all: every "
+            "one, PNG and PDF")] = Figures.PNG,
         shard: Annotated[str | None, typer.Option(
             metavar="K/N", help="of maps, make part K of N alone and publish nothing; a run "
             "without it puts the parts together")] = None,
@@ -217,10 +218,10 @@ def plot(
       lapwing plot results/lapping_25x32/result.nc --out figures
     """  # noqa: D301
     from lapwing.base.threads import default_threads
+    from lapwing.drawing import plot_file
     from lapwing.plots import FigureError
     from lapwing.progress import begun
     from lapwing.results.store import StoreError
-    from lapwing.run import plot_file
 
     code = OK
     for file in files:

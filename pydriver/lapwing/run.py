@@ -26,7 +26,6 @@ from lapwing.folder import (
     USED_DECK,
     Present,
     drawn_in,
-    figures_of,
     folder_of,
     present_in,
     read_text,
@@ -41,7 +40,6 @@ from lapwing.results.store import (
     FolderLock,
     Manifest,
     Staging,
-    add_files,
     discard,
     probe,
     recover,
@@ -276,6 +274,7 @@ class _Run:
 
     def _write(self, found: Found, folder: Path) -> dict[str, str]:
         """Result file, summary and the deck as used; returns the checksums of the variables."""
+        from lapwing.plots import names_of
         from lapwing.report.summary import summary_text
         from lapwing.results import read_results, write_results
         from lapwing.studies.of_deck import studies_of
@@ -294,7 +293,8 @@ class _Run:
                 interrupted=found.interrupted, studies=studies_of(self.deck))
         with read_results(folder / RESULT_FILE, check=False) as results:
             self._warn(results.transmission_error.attrs)
-            (folder / SUMMARY).write_text(summary_text(results), encoding="utf-8")
+            (folder / SUMMARY).write_text(summary_text(results, names_of(results, self.words)),
+                                          encoding="utf-8")
         (folder / USED_DECK).write_text(text, encoding="utf-8")
         done(1.0)
         return variables
@@ -340,61 +340,3 @@ def _measured(deck: Deck) -> tuple[dict[str, Any], dict[str, Any]]:
 
     variables, attributes = curve_variables(deck.curve, deck.te_table.samples())
     return variables, {**attributes, **high_orders_of(deck)}
-
-
-def plot_file(path: Path, folder: Path | None = None, threads: int = 1,
-              progress: Any = None) -> list[Path]:
-    """Draw every figure of a result file, into its own folder unless another is named.
-
-    Files that are not the program's own are left as they are (docs/results.md).
-
-    Parameters
-    ----------
-    path : str or Path
-    folder : str or Path, or None
-    threads : int, processes that draw
-    progress : as for `run_deck`
-
-    Returns
-    -------
-    list of Path
-
-    Raises
-    ------
-    lapwing.results.DamagedFile
-        where the file's content is not what was written.
-    lapwing.plots.FigureError
-        where some figures could not be drawn; the others are there.
-    lapwing.results.store.StoreError
-        while a run writes into the folder.
-    """
-    from lapwing.plots import FigureError, draw_all
-    from lapwing.plots.pool import DrawingPool
-    from lapwing.results import read_results
-
-    path = Path(path)
-    folder = Path(folder) if folder else path.parent
-    folder.mkdir(parents=True, exist_ok=True)
-    done = progress.study("figures", 100, "%") if progress else None
-    with read_results(path) as results, FolderLock(folder.resolve()):
-        aside = folder.resolve().parent / f".{folder.resolve().name}.drawing"
-        shutil.rmtree(aside, ignore_errors=True)
-        aside.mkdir()
-        failures, of_surroundings = {}, False
-        try:
-            with DrawingPool(threads) as pool:
-                try:
-                    draw_all(results, aside, progress=done, pool=pool)
-                except FigureError as error:
-                    failures, of_surroundings = error.failures, error.of_surroundings
-            names = sorted(one.name for one in aside.iterdir())
-            own = figures_of(results) if folder.resolve() == path.parent.resolve() else ()
-            taken = add_files(folder, aside, own, figures=asked("all", {}))
-        finally:
-            shutil.rmtree(aside, ignore_errors=True)
-    written = [folder / name for name in names if name not in taken]
-    failures |= {Path(name).stem: f"another file is named {name}; it is left as it is"
-                 for name in taken}
-    if failures:
-        raise FigureError(written, failures, of_surroundings)
-    return written

@@ -330,6 +330,16 @@ def test_words_outside_of_the_typeface_come_from_the_whole_font(tmp_path):
         style.save(figure, tmp_path / "a.png", tmp_path / "a.pdf")
 
 
+def test_a_name_in_another_script_is_written_as_escapes(tmp_path):
+    figure = style.new_figure(4, 2, rows=True)
+    with style.house_style(), warnings.catch_warnings():
+        warnings.simplefilter("error")
+        figure.subplots()
+        figure.suptitle("歯車 ω × ü, sweep 's'\ndepth")
+        style.save(figure, tmp_path / "a.png")
+    assert figure.get_suptitle() == "\\u6b6f\\u8eca ω × ü, sweep 's'\ndepth"
+
+
 def test_the_dots_of_a_periodic_motion_are_not_drawn_more_than_shows(results, monkeypatch):
     """Each place of a branch is there, none more than OPAQUE times."""
     monkeypatch.setattr(orbit_diagram, "OPAQUE", 3)

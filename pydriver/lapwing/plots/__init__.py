@@ -91,6 +91,12 @@ def tasks_of(results: Any) -> list[Task]:
             Task(TE_FIGURE, TE_FIGURE, "transmission_error")]
 
 
+def names_of(results: Any, words: Iterable[str]) -> list[str]:
+    """File names of the figures that are asked for, as PNG, in reading order."""
+    return [f"{task.stem}.png" for task in tasks_of(results)
+            if "png" in formats_of(task, results, words)]
+
+
 def _reading_order() -> list[str]:
     """Kinds of study, what is carried out last first: it gives the widest view."""
     return [study.kind for study in reversed(carried_out())]

@@ -18,7 +18,8 @@ ALL, FEW, NONE = "all", "few", "none"
 # Formats of figures, and whether all are drawn, by what is asked for.
 FORMATS_OF = {"none": (), "png": ("png",), "all": ("png", "pdf")}
 # Of each kind of study, the figures that are drawn where a deck names none; all where it has none.
-FEW_OF = {kind: study.few for kind, study in STUDIES.items()}
+FEW_OF = {kind: tuple(module.rpartition(".")[2] for module in study.few)
+          for kind, study in STUDIES.items()}
 
 
 def asked(figures: str, named: Mapping[tuple[str, str], Iterable[str] | None]) -> set[str]:
@@ -72,9 +73,9 @@ def _is_of_few(task: Task, results: Any) -> bool:
         # A curve by a formula holds no surprise.
         return task.module != "te_curve" or results.transmission_error.attrs.get("curve") == \
             "samples"
-    few = FEW_OF[task.kind]
-    return (not few or task.module in few) \
-        and not (task.module == "critical_search" and _in_a_sweep(results, task.name))
+    few, figure = FEW_OF[task.kind], task.module.rpartition(".")[2]
+    return (not few or figure in few) \
+        and not (figure == "critical_search" and _in_a_sweep(results, task.name))
 
 
 def _in_a_sweep(results: Any, name: str) -> bool:

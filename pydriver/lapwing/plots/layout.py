@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 # Mark (gid) of words above a panel, for which room is made.
 ABOVE = "above"
 # Inches between panels and around them, below a heading, and the least size of a panel.
-GAP, EDGE, LEAST = 0.12, 0.08, 0.3
+GAP, EDGE, LEAST, HALF_NUMBER = 0.12, 0.08, 0.3, 0.15
 # So few panels are measured twice.
 FEW = 2
 # Where panels stand before anything is measured, in inches: close to what comes out.
@@ -117,7 +117,9 @@ def _around(axis: Axes, renderer: Any) -> tuple[float, float, float, float]:
     if not boxes:
         return 0.0, 0.0, 0.0, 0.0
     around = Bbox.union(boxes)
-    return (max(inside.x0 - around.x0, 0), max(around.x1 - inside.x1, 0),
+    # Numbers at the ends of the lower axis stand half beyond it.
+    least = HALF_NUMBER * axis.figure.dpi  # type: ignore[union-attr]
+    return (max(inside.x0 - around.x0, least), max(around.x1 - inside.x1, least),
             max(around.y1 - inside.y1, 0), max(inside.y0 - around.y0, 0))
 
 

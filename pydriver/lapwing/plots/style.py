@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from lapwing.base.arrivals import arrivals_in
 from lapwing.base.codes import MotionState
+from lapwing.plots import typeface
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -72,11 +73,9 @@ def house_style() -> Iterator[None]:
     """The settings of all figures, whatever the reader's own are; also a decorator."""
     import matplotlib
 
-    from lapwing.plots.typeface import families
-
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        matplotlib.rcParams.update(RC | {"font.family": families()})
+        matplotlib.rcParams.update(RC | {"font.family": typeface.families()})
         yield
 
 
@@ -102,6 +101,8 @@ def save(figure: Figure, *paths: Any) -> None:
 
     The places of panels and labels are worked out once, so that all formats show the same.
     """
+    if figure.get_suptitle():  # names of decks and files are the user's
+        figure.suptitle(typeface.readable(figure.get_suptitle()))
     _place(figure)
     for path in sorted(map(Path, paths), key=lambda path: path.suffix != ".png"):
         if path.suffix == ".png":

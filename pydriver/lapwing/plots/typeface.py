@@ -32,6 +32,27 @@ def families() -> list[str]:
     return [NAME, "DejaVu Sans"]
 
 
+def readable(text: str) -> str:
+    """A text whose letters the whole font has; others, as of other scripts, as escapes.
+
+    Fonts of the system would draw them, but not the same everywhere.
+    """
+    if text.isascii():
+        return text
+    known = _letters()
+    return "".join(one if one.isspace() or ord(one) in known else
+                   one.encode("unicode_escape").decode() for one in text)
+
+
+@functools.cache
+def _letters() -> frozenset[int]:
+    from matplotlib import font_manager
+    from matplotlib.ft2font import FT2Font
+
+    whole = font_manager.findfont("DejaVu Sans", fallback_to_default=False)
+    return frozenset(FT2Font(str(whole)).get_charmap())
+
+
 def _file() -> Path:
     """Path of the reduced font; made where it is missing."""
     import matplotlib

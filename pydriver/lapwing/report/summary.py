@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from lapwing.base.registry import carried_out, summarised
@@ -15,12 +16,13 @@ if TYPE_CHECKING:
     from lapwing.results.file import Results
 
 
-def summary_text(results: Results) -> str:
+def summary_text(results: Results, figures: Sequence[str] = ()) -> str:
     """The summary of a result file.
 
     Parameters
     ----------
     results : Results, from `lapwing.results.read_results`
+    figures : sequence of str, file names of the figures beside it, the first to look at first
 
     Returns
     -------
@@ -31,7 +33,7 @@ def summary_text(results: Results) -> str:
     """
     found = {study: [results.study(study.kind, name) for name in results.studies[study.kind]]
              for study in summarised()}
-    lines = [f"# {results.attrs['deck_name']}", "",
+    lines = [f"# {results.attrs['deck_name']}", "", *_first(figures),
              *findings_lines(findings(*studies_in(results), results.missing,
                                 *(_all(results, kind) for kind in ("map", "ensemble")))), "",
              *_gear(results)]
@@ -42,6 +44,15 @@ def summary_text(results: Results) -> str:
         lines += study.part("report").section(datasets, results) if datasets else []
     lines += _missing(results)
     return "\n".join([*lines, "", "## Provenance", "", *_provenance(results)]) + "\n"
+
+
+def _first(figures: Sequence[str]) -> list[str]:
+    """Which figure to look at first."""
+    if not figures:
+        return []
+    more = len(figures) - 1
+    return [f"Figure to look at first: [{figures[0]}]({figures[0]})" + f"; {more} more beside it"
+            * bool(more) + ".", ""]
 
 
 def headlines(found: dict[str, dict[str, xr.Dataset]], missing: Any = ()) -> tuple[str, ...]:

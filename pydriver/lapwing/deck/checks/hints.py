@@ -32,5 +32,5 @@ def of_quotes(text: str) -> str:
 
 def of_parameters(name: str) -> str:
     """What to do about several parameters in one study; empty text where it is one."""
-    return "one parameter in each group; write a group for each" \
+    return "one parameter in each group; write a group for each, or &map for every combination" \
         if any(mark in name for mark in ", ;+&") else ""

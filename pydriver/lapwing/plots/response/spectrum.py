@@ -99,8 +99,7 @@ def _panel(axis: Axes, response: xr.Dataset, quantity: tuple[Any, ...], highest:
     lines = {"": amplitudes[shown]}
     struck = _of_impacts(response, gear_pair) if name == "mesh_force" else None
     if struck is not None:
-        lines = {"spring and damper": amplitudes[shown], "impacts": struck[1][struck[0] <= highest
-                                                                             + BESIDE]}
+        lines["impacts"] = struck[:orders.size][shown]
     top = max(float(line.max()) for line in lines.values())
     if top <= 0:
         style.nothing(axis, "zero or constant in the recorded cycles")
@@ -110,7 +109,7 @@ def _panel(axis: Axes, response: xr.Dataset, quantity: tuple[Any, ...], highest:
     axis.set_yscale("log")
     style.plain_powers(axis.yaxis)
     axis.plot(orders[shown], np.maximum(lines.pop(next(iter(lines))), low / 10), color=colour,
-              linewidth=0.9, label="spring and damper" if struck else None)
+              linewidth=0.9, label="spring and damper" if struck is not None else None)
     for line in lines.values():  # as dots where both have lines at the same orders
         some = _lines(orders[shown], response)
         axis.plot(orders[shown][some], line[some], color=style.BLACK, label="impacts",
@@ -142,9 +141,9 @@ def _lines(orders: NDArray[Any], response: xr.Dataset) -> NDArray[np.bool_]:
     return np.abs(orders * period - np.round(orders * period)) < 1e-9
 
 
-def _of_impacts(response: xr.Dataset, gear_pair: dict[str, float] | None) -> tuple[
-        NDArray[Any], NDArray[Any]] | None:
-    """Orders and amplitudes (N) of the impulses of impacts; None where there are none.
+def _of_impacts(response: xr.Dataset,
+                gear_pair: dict[str, float] | None) -> NDArray[Any] | None:
+    """Amplitudes (N) of the impulses of impacts, at the orders of the samples and beyond, or None.
 
     Each impulse is spread over one of `GRID` parts of a mesh period, which moves it by less than
     1/200 of a period of the highest order shown.
@@ -157,7 +156,7 @@ def _of_impacts(response: xr.Dataset, gear_pair: dict[str, float] | None) -> tup
     place = np.round((impacts["position"] - first) * GRID).astype(int) % (cycles * GRID)
     force = np.bincount(place, impulses(impacts, gear_pair), cycles * GRID) \
         * (GRID / float(response.attrs["mesh_period_s"]))
-    return order_spectrum(force, cycles)
+    return order_spectrum(force, cycles)[1]
 
 
 def _marks(axes: NDArray[Any], response: xr.Dataset, highest: int) -> None:

@@ -76,10 +76,11 @@ def draw(sweep: xr.Dataset, *, title: str | None = None, full_engagement: float 
             _strip(axis, values, classes, most, label, ends)
             axis.tick_params(labelbottom=False)
         axes[first + len(strips) - 1].tick_params(labelbottom=True)
-    word = arrivals_in(sweep.attrs).word
-    axes[1].set_title(f"(b) class p:(i,j), i drive and j coast {word}s in p mesh cycles; c: "
-                      "complete chatter,\nwhose count depends on the threshold; hatched: no "
-                      "period, crossed: failed, blank: not reached")
+    law = arrivals_in(sweep.attrs)
+    axes[1].set_title(f"(b) class p:(i,j), i drive and j coast {law.word}s in p mesh cycles"
+                      + "; c: complete chatter,\nwhose count depends on the threshold"
+                      * law.threshold + "; hatched: no period, crossed: failed, blank: not "
+                      "reached")
     if near is not None:
         axes[1 + len(strips)].set_title("(c) the same, magnified where classes are closest")
         for axis in axes[1 + len(strips):]:
