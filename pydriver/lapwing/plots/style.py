@@ -48,6 +48,8 @@ URAD = 1e6
 SMALL = 0.05
 # Decades that the linear part of such an axis takes, on either side.
 LINEAR = 0.4
+# Powers of ten on either side of it that are numbered.
+NUMBERS = 8
 ARCSEC_PER_URAD = math.degrees(1) * 3600 * 1e-6
 
 # Points of a line or marker above which a PDF shows pixels in its place.
@@ -167,6 +169,7 @@ def arcsec_scale(axis: Axes) -> Axes:
     scale = axis.twinx()
     scale.set_yscale("symlog", linscale=LINEAR,
                      linthresh=axis.yaxis.get_transform().linthresh * ARCSEC_PER_URAD)
+    scale.yaxis.get_major_locator().set_params(numticks=NUMBERS)
     scale.set_ylim(low * ARCSEC_PER_URAD, high * ARCSEC_PER_URAD)
     plain_powers(scale.yaxis)
     scale.set_ylabel("(arcsec)")
@@ -204,6 +207,7 @@ def widen_small_values(axis: Axes, values: NDArray[Any]) -> bool:
         return False
     axis.set_yscale("symlog", linthresh=10.0 ** np.floor(np.log10(np.median(size) / 2)),
                     linscale=LINEAR)
+    axis.yaxis.get_major_locator().set_params(numticks=NUMBERS)
     plain_powers(axis.yaxis)
     return True
 

@@ -150,7 +150,9 @@ def _mesh_force(axis: Axes, response: xr.Dataset, track: Path, first: int,
     state = response["motion_state"].values[rows]
     pulled = np.any(force[state == MotionState.ENGAGEMENT] < 0) \
         or np.any(force[state == MotionState.BACK_ENGAGEMENT] > 0)
-    return (f"normal mesh force of spring and damper; mean {mean:.3g} N, peak {peak:.3g} N"
+    mean_words, peak_words = (f"{one:.3g} N" if np.isfinite(one) else "not known"
+                              for one in (mean, peak))
+    return (f"normal mesh force of spring and damper; mean {mean_words}, peak {peak_words}"
             " (all recorded cycles)"
             + "\ncontact ends where the spring is slack: right before, the damper pulls, and the "
             "force has the other sign" * bool(pulled))

@@ -30,6 +30,8 @@ HANN_BANDWIDTH = 1.5
 BESIDE = 0.4
 # Amplitudes below this quantile of those that mean something may be cut off.
 LEAST = 0.02
+# More lines than these are no dots.
+DOTS = 90
 # Parts of a mesh period that impacts are told apart by.
 GRID = 8192
 
@@ -112,9 +114,10 @@ def _panel(axis: Axes, response: xr.Dataset, quantity: tuple[Any, ...], highest:
               linewidth=0.9, label="spring and damper" if struck is not None else None)
     for line in lines.values():  # as dots where both have lines at the same orders
         some = _lines(orders[shown], response)
+        dots = bool(response.attrs["period"]) and some.sum() <= DOTS
         axis.plot(orders[shown][some], line[some], color=style.BLACK, label="impacts",
-                  linewidth=0 if int(response.attrs["period"]) else 0.9, alpha=0.8,
-                  marker="o" if int(response.attrs["period"]) else "", markersize=4)
+                  linewidth=0 if dots else 0.9, alpha=0.8, marker="o" if dots else "",
+                  markersize=4)
     if not lines:
         axis.fill_between(orders[shown], low / 10, amplitudes[shown], color=colour,
                           linewidth=0, alpha=0.25, rasterized=orders.size > style.MANY)

@@ -23,8 +23,9 @@ BLOCK = 32
 
 
 def shows(sweep: xr.Dataset) -> bool:
-    """Whether some point has a result."""
-    return bool(known(sweep).any())
+    """Whether teeth part at some point, or somebody says that they do."""
+    return bool(known(sweep).any() and (sweep["deepest_separation"].values > 0).any()) \
+        or bool(known(sweep).any() and "claim_value" in sweep)
 
 
 @style.house_style()

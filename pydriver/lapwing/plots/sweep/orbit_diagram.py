@@ -169,7 +169,7 @@ def _impacts(axis: Axes, sweep: xr.Dataset, gear_pair: dict[str, float] | None,
         if np.isfinite(claim.impacts):
             sweep_parts.claim_marker(axis, claim.value, claim.impacts)
     axis.set_ylabel(f"{law.word}s\nper cycle")
-    axis.set_ylim(0, 1.15 * (axis.get_ylim()[1] or 1))
+    axis.set_ylim(0, 1.15 * max(axis.get_ylim()[1], 1))
     axis.yaxis.get_major_locator().set_params(integer=True)
     return (f"{law.word}s per cycle on the drive flank, "
             f"{law.rule(float(sweep.attrs['count_depth']))}")

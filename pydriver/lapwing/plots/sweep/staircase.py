@@ -127,7 +127,7 @@ def _stairs(axis: Axes, sweep: xr.Dataset, claims: list[Any]) -> str:
         axis.step(x, count, where="mid", color=look["color"], linewidth=look["width"])
     for claim in claims:
         sweep_parts.claim_marker(axis, claim.value, claim.impacts)
-    axis.set_ylim(bottom=0)
+    axis.set_ylim(0, max(axis.get_ylim()[1], 1))
     law = arrivals_in(sweep.attrs)
     axis.set_ylabel(f"{law.word}s\nper cycle")
     axis.yaxis.get_major_locator().set_params(integer=True)
