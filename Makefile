@@ -11,7 +11,7 @@ ACTIVATED := PATH="$(CURDIR)/.venv/bin:$$PATH"
 NEED_PYTHON := Lapwing needs Python 3.11 or newer, as in: make PYTHON=python3.13
 
 .DEFAULT_GOAL := help
-.PHONY: help env run test test-full lint lock clean
+.PHONY: help env run test test-full test-slurm lint lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
@@ -32,6 +32,9 @@ test: env ## style, Fortran and Python tests
 
 test-full: env ## the same and the long ones
 	@$(ACTIVATED) python .build/run_tests.py --full
+
+test-slurm: env ## a job array of a real Slurm, started here as root (four minutes)
+	@$(ACTIVATED) python tests/slurm.py
 
 lint: env ## style of the Python and Fortran sources
 	@$(ACTIVATED) python .build/run_tests.py --lint

@@ -59,9 +59,13 @@ def test_parts_make_a_whole(deck, expected, tmp_path):
     code, said = run(deck, tmp_path, "--shard", "99/99")
     assert code == 0 and "is done" not in said and "fewer shards than parts" in said
     assert shards_in(folder) == [i for i in range(SHARDS) if i % 3 != 1 or i % 2 == 0]
+    code, said = run(deck, tmp_path, "--merge")
+    assert code == 1 and not (tmp_path / "plane").exists()
+    assert f"map plane: 7 of {SHARDS} shards are missing: 1, 7, 13, 19, 25, 31, 37" in said
     code, said = run(deck, tmp_path)  # which makes what is missing
     assert code == 0 and plane_numbers(tmp_path / "plane" / "result.nc") == expected
     assert [path.name for path in tmp_path.iterdir()] == ["plane"]
+    assert run(deck, tmp_path, "--merge")[0] == 0
     code, said = run(deck, tmp_path, "--shard", "2/3")  # late
     assert code == 0 and "is done" not in said
     assert "complete results of the same values lie there, no shard is made" in said
@@ -77,9 +81,21 @@ def test_odd_parts_are_refused(deck, part, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_part_has_no_executor(deck, tmp_path):
-    code, said = run(deck, tmp_path, "--shard", "1/2", "--executor", "mpi")
-    assert code == 2 and "--shard and --executor" in said and not list(tmp_path.iterdir())
+@pytest.mark.parametrize("ways", [("--shard=1/2", "--executor=mpi"), ("--shard=1/2", "--merge")],
+                         ids=lambda ways: ways[1][2:7])
+def test_there_is_one_way_to_share_the_work(deck, tmp_path, ways):
+    code, said = run(deck, tmp_path, *ways)
+    assert code == 2 and "each shares the work in its own way" in said
+    assert not list(tmp_path.iterdir())
+
+
+def test_shards_of_another_deck_are_missing_to_a_merge(deck, expected, tmp_path):
+    code, said = run(deck, tmp_path, "--shard", "1/40", "--set", "map.y_to=9.5")
+    assert code == 0, said
+    code, said = run(deck, tmp_path, "--shard", "2/40")
+    assert code == 0, said
+    code, said = run(deck, tmp_path, "--merge")
+    assert code == 1 and "39 of 40 shards are missing: 0, 2-39" in said
 
 
 def test_a_deck_without_maps_has_no_parts(tmp_path):

@@ -189,7 +189,7 @@ def test_dummies_have_an_intent():
 PACKAGE = ROOT / "pydriver" / "lapwing"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 # Lowest first: a room imports from those above it in this list, and from itself; rooms of one row
-# know nothing of each other. What lies loose in the package is the command line.
+# know nothing of each other. What lies loose in the package, and `commands`, is the command line.
 PYTHON_ROOMS = [{"base"}, {"model"}, {"deck"}, {"engine"}, {"results"}, {"studies"},
                 {"report", "plots"}]
 LOOSE = [{"executors", "folder", "progress", "console", "accessor"}, {"run", "part", "drawing"},
@@ -208,9 +208,9 @@ def rank(name):
 def test_the_rooms_are_those_of_the_tree():
     folders = {path.parent.relative_to(PACKAGE).parts[0] for path in MODULES
                if path.parent != PACKAGE}
-    assert folders == set().union(*PYTHON_ROOMS)
+    assert folders == set().union(*PYTHON_ROOMS) | {"commands"}
     loose = {path.stem for path in PACKAGE.glob("*.py")} - {"__init__", "_build_info"}
-    assert loose == set().union(*LOOSE)
+    assert loose == set().union(*LOOSE) - {"commands"}
 
 
 def test_every_room_can_be_overlooked():

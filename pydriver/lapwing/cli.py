@@ -22,8 +22,16 @@ import typer
 
 from lapwing.base import estimates, exit_codes, signals
 from lapwing.base.exit_codes import MEANINGS, ExitCode
-from lapwing.base.registry import STUDIES
-from lapwing.commands import criticals_of, part_of, refused, run_of
+from lapwing.commands.decks import (
+    criticals_of,
+    loaded_decks,
+    merge_of,
+    part_of,
+    refused,
+    run_of,
+    studies_in_words,
+)
+from lapwing.commands.slurm import slurm
 from lapwing.console import complain, version_line
 
 if TYPE_CHECKING:
@@ -44,7 +52,7 @@ Examples:
   lapwing new my_pair.nml                   write a commented deck to start from
   lapwing check my_pair.nml                 say everything that is wrong with it
   lapwing run my_pair.nml                   compute it into results/my_pair/
-  lapwing run decks/*.nml --threads 8       several decks; a bad one stops no other
+  lapwing run decks/*.nml --threads 8       side by side; a bad one stops no other
   lapwing run my_pair.nml --set operation.brake_torque=2 --out trial
   lapwing critical my_pair.nml              its critical values alone, printed
   lapwing plot results/my_pair/result.nc    draw its figures again
@@ -92,7 +100,10 @@ def run(decks: Decks,
             "without it puts the parts together")] = None,
         executor: Annotated[str | None, typer.Option(
             metavar="NAME", help="what carries out the shards of maps: mpi (under mpiexec), "
-            "dask=ADDRESS")] = None) -> None:
+            "dask=ADDRESS")] = None,
+        merge: Annotated[bool, typer.Option(
+            "--merge", help="put together what parts made; where some is missing, name it and make "
+            "nothing")] = False) -> None:
     """Run decks: DIR/<deck>/ gets result.nc, figures, summary.md and used.nml.
 
     \b
@@ -106,13 +117,24 @@ def run(decks: Decks,
 
     _refuse_equal_stems(decks)
     threads = threads or default_threads()
+    ways = [name for name, given in (("--shard", shard), ("--executor", executor),
+                                     ("--merge", merge or None)) if given is not None]
+    if len(ways) > 1:
+        complain(f"{' and '.join(ways)}: each shares the work in its own way, expected one")
+        raise typer.Exit(BAD_INPUT)
+    if merge:
+        raise typer.Exit(_each(decks, setting, lambda deck, progress: merge_of(
+            deck, out, threads, force, progress, figures.value)))
     if shard is not None:
         part, parts = _part(shard)
-        if executor is not None:
-            complain("--shard and --executor: each shares the work in its own way, expected one")
-            raise typer.Exit(BAD_INPUT)
         raise typer.Exit(_each(decks, setting, lambda deck, progress: part_of(
             deck, out, part, parts, threads, progress)))
+    if len(decks) > 1 and threads > 1 and executor is None:
+        from lapwing.commands.side_by_side import run_side_by_side
+
+        loaded, code = loaded_decks(decks, setting)
+        raise typer.Exit(max(code, run_side_by_side(loaded, threads, {
+            "out": out, "threads": threads, "force": force, "figures": figures.value})))
     try:
         with executors.opened(executor) as pool:
             code = _each(decks, setting, lambda deck, progress: run_of(
@@ -162,9 +184,9 @@ def check(decks: Decks, setting: Settings = [],  # noqa: B006
     from lapwing.deck.checks.magnitudes import magnitudes
     from lapwing.studies import cost
 
-    loaded, code = _load(decks, setting)
+    loaded, code = loaded_decks(decks, setting)
     for deck in loaded:
-        print(f"{deck.path}: good; {_studies(deck)}; {_derived(deck)}"
+        print(f"{deck.path}: good; {studies_in_words(deck)}; {_derived(deck)}"
               + estimates.stated(deck) + f"\n  {magnitudes(deck)}")
     if timing:
         times = cost.stated(loaded, threads or default_threads())
@@ -247,12 +269,6 @@ def plot(
     raise typer.Exit(code)
 
 
-def _studies(deck: Deck) -> str:
-    """How much there is to do."""
-    counts = ((len(deck.studies[study.kind]), study.words) for study in STUDIES.values())
-    return ", ".join(f"{n} {word}{'s' if n != 1 else ''}" for n, word in counts)
-
-
 def _derived(deck: Deck) -> str:
     """Numbers in which a slip of a unit shows."""
     pair = deck.gear_pair
@@ -288,48 +304,20 @@ def _refuse_equal_stems(decks: list[Path]) -> None:
         seen[deck.stem] = deck
 
 
-def _load(paths: list[Path], settings: list[str]) -> tuple[list[Deck], ExitCode]:
-    """Decks that are good, and the exit code of those that are not."""
-    from lapwing.deck import DeckError, load_deck
-
-    overrides, code = [], OK
-    for setting in settings:
-        key, equals, value = setting.partition("=")
-        if not equals:
-            complain(f"--set {setting}: expected GROUP.KEY=VALUE")
-            raise typer.Exit(BAD_INPUT)
-        overrides.append((key, value))
-    loaded = []
-    for path in paths:
-        try:
-            deck = load_deck(path, overrides)
-        except DeckError as error:
-            complain(str(error))
-            code = BAD_INPUT
-            continue
-        for warning in deck.warnings:
-            complain(str(warning))
-        too_large = estimates.refusals(deck)
-        for text in too_large:
-            complain(text)
-        code = BAD_INPUT if too_large else code
-        loaded += [] if too_large else [deck]
-    return loaded, code
-
-
 def _each(decks: list[Path], settings: list[str], carry_out: Callable[..., Any]) -> ExitCode:
     """Carry out one deck after the other until a signal; the worst exit code."""
     from lapwing.progress import begun
 
-    loaded, code = _load(decks, settings)
+    loaded, code = loaded_decks(decks, settings)
     for deck in loaded:
-        ended: ExitCode = carry_out(deck, begun(deck.title, _studies(deck)))
+        ended: ExitCode = carry_out(deck, begun(deck.title, studies_in_words(deck)))
         code = max(code, ended)
         if signals.heard() is not None or ended >= ExitCode.STOPPED:
             return max(code, exit_codes.of_signal(signals.heard()))
     return code
 
 
+app.command()(slurm)
 # The benchmark lies beside the package: an installation has it or has it not.
 if find_spec("lapwing_bench"):
     from lapwing_bench.command_line import bench

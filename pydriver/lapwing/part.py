@@ -65,3 +65,31 @@ def run_part(deck: Deck, parent: str | os.PathLike[str], part: int, parts: int, 
     made, lay = compute_part(deck, part, parts, checked_threads(threads), report,
                              folder.with_name(folder.name + SHARDS), notes.append)
     return Part(made, lay, False, tuple(notes))
+
+
+def missing_shards(deck: Deck,
+                   parent: str | os.PathLike[str]) -> dict[str, tuple[list[int], int]]:
+    """Shards that a deck's large studies lack: study -> their numbers, and how many there are.
+
+    Nothing is missing where complete results of the same values lie.
+
+    Raises
+    ------
+    lapwing.folder.FolderError
+        where files lie in the folder that no run wrote.
+    """
+    from lapwing.results.shards import read_status
+    from lapwing.studies.of_deck import jobs_of, shards_of
+
+    folder = folder_of(deck.stem, parent)
+    there = present_in(folder)
+    if there.complete and there.inputs == used_hash(deck):
+        return {}
+    lacking = {}
+    for kind, name, job in jobs_of(deck):
+        shards = shards_of(folder.with_name(folder.name + SHARDS), kind, name)
+        missing = [index for index in range(job.shards)
+                   if read_status(shards, index, job.told(index)) is None]
+        if missing:
+            lacking[f"{kind} {name}"] = missing, job.shards
+    return lacking

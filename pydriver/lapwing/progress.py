@@ -143,26 +143,78 @@ class Bars(_Teller):
 
     def _start(self) -> Any:
         if self._display is None:
-            from rich import progress
-            from rich.console import Console
-            from rich.text import Text
-
-            class Rate(progress.ProgressColumn):
-                """Units per second."""
-
-                def render(self, task: Any) -> Any:
-                    speed = task.finished_speed or task.speed
-                    text = "" if speed is None else f"{speed:.3g} {task.fields['unit']}/s"
-                    return Text(text, style="dim")
-
-            display = progress.Progress(
-                progress.TextColumn("{task.description}"), progress.BarColumn(),
-                progress.TextColumn("{task.percentage:3.0f} %"), Rate(),
-                progress.TimeElapsedColumn(), progress.TimeRemainingColumn(),
-                console=Console(stderr=True))
-            display.start()
-            self._display = display
+            self._display = _display()
+            self._display.start()
         return self._display
+
+
+def _display() -> Any:
+    """Bars of rich on standard error, not yet shown."""
+    from rich import progress
+    from rich.console import Console
+    from rich.text import Text
+
+    class Rate(progress.ProgressColumn):
+        """Units per second."""
+
+        def render(self, task: Any) -> Any:
+            speed = task.finished_speed or task.speed
+            text = "" if speed is None else f"{speed:.3g} {task.fields['unit']}/s"
+            return Text(text, style="dim")
+
+    return progress.Progress(
+        progress.TextColumn("{task.description}"), progress.BarColumn(),
+        progress.TextColumn("{task.percentage:3.0f} %"), Rate(),
+        progress.TimeElapsedColumn(), progress.TimeRemainingColumn(),
+        console=Console(stderr=True))
+
+
+class Together:
+    """Decks side by side: a bar for each that is under way, or the lines of each."""
+
+    def __init__(self) -> None:
+        self._display = _display() if sys.stderr.isatty() else None
+        if self._display is not None:
+            self._display.start()
+
+    def begun(self, title: str, what: str) -> Any:
+        """What tells how far one of them is, until it is closed."""
+        return begun(title, what) if self._display is None else DeckBar(title, self._display)
+
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """Let something be written where the bars are."""
+        if self._display is None:
+            yield
+            return
+        self._display.stop()
+        try:
+            yield
+        finally:
+            self._display.start()
+
+    def close(self) -> None:
+        """Leave the display."""
+        if self._display is not None:
+            self._display.stop()
+
+
+class DeckBar:
+    """The bar of one deck among others."""
+
+    def __init__(self, title: str, display: Any) -> None:
+        self._title, self._display = title, display
+        self._task = display.add_task(title, total=1, unit="")
+
+    def study(self, label: str, total: int, unit: str) -> Callable[[float], None]:
+        """Begin a study; see `Bars.study`."""
+        self._display.reset(self._task, total=total, unit=unit,
+                            description=f"{self._title}: {label}")
+        return lambda fraction: self._display.update(self._task, completed=fraction * total)
+
+    def close(self) -> None:
+        """Let the bar go."""
+        self._display.remove_task(self._task)
 
 
 def begun(title: object, what: str) -> Bars | Lines:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from lapwing import __version__
 from lapwing.base import arguments, estimates
 from lapwing.base.signals import held
-from lapwing.base.threads import checked_threads
+from lapwing.base.threads import checked_threads, share_of
 from lapwing.deck import Deck, used_hash, used_text
 from lapwing.folder import (
     RESULT_FILE,
@@ -170,7 +170,7 @@ class _Run:
             findings = findings_in(read_text(self.folder / SUMMARY))
             return Outcome(self.folder, reused=True, findings=findings)
         estimates.require_disk(self.deck, self.folder)
-        with DrawingPool(self.threads) as pool:
+        with DrawingPool(share_of(self.threads)) as pool:
             if force and self.there.inputs == self.inputs:  # else these are parts of what is new
                 discard_studies(self.shards)
             found = compute(self.deck, self.threads, self.report, known, folder=self.shards,

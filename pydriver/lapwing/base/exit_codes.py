@@ -19,7 +19,8 @@ class ExitCode(IntEnum):
 
 MEANINGS = {
     ExitCode.GOOD: "good",
-    ExitCode.FAILED: "some run failed numerically, or a figure could not be drawn",
+    ExitCode.FAILED: "some run failed numerically, a figure could not be drawn, or "
+                     "parts are missing (--merge)",
     ExitCode.BAD_INPUT: "bad input",
     ExitCode.SURROUNDINGS: "the surroundings: disk, memory, permission, threads",
     ExitCode.STOPPED: "stopped by SIGTERM or SIGUSR1; run it again to continue",

@@ -13,6 +13,8 @@ from lapwing.base.arguments import MAX_INT, whole
 PER_PROCESSOR, AT_LEAST = 4, 16
 _LIST = re.compile(r"\s*\+?([0-9]{1,20})\s*(,\s*\+?[0-9]+\s*)*", re.ASCII)
 _state = {"forked": False}
+# Threads of this process where several share the machine's; None: it is alone.
+_share: list[int | None] = [None]
 
 
 def _born_by_fork() -> None:
@@ -52,14 +54,29 @@ def checked_threads(threads: object) -> int:
     return default_threads() if threads is None else whole("threads", threads, 1, MAX_INT)
 
 
+def take_share(threads: int | None) -> None:
+    """From now on no study of this process begins more threads than so many; None: as it likes.
+
+    Its processes work side by side, and the shares of some grow when others are done.
+    """
+    _share[0] = threads
+
+
+def share_of(wanted: int) -> int:
+    """The wanted threads, or this process's share of them where it is less."""
+    return wanted if _share[0] is None else min(wanted, _share[0])
+
+
 def usable_threads(wanted: int, tasks: int) -> int:
     """How many of the wanted threads are begun; no result depends on it.
 
-    Not more than there are tasks, than `most_threads`, and than the system lets begin just now
-    (limits of processes or of memory): OpenMP ends the whole process where it fails to begin one.
+    Not more than there are tasks, than `share_of` and `most_threads`, and than the system lets
+    begin just now (limits of processes or of memory): OpenMP ends the whole process where it fails
+    to begin one.
     A process born by fork gets one: OpenMP's other threads do not live on in it, and waiting for
     them would never end.
     """
+    wanted = share_of(wanted)
     if _state["forked"] or wanted <= 1 or tasks <= 1:
         return 1
     wanted = max(1, min(wanted, tasks, most_threads()))

@@ -204,6 +204,24 @@ def read_shard(folder: Path, index: int, told: Mapping[str, Any],
             return None, f"cannot be read ({error})"
 
 
+def read_status(folder: Path, index: int, told: Mapping[str, Any]) -> NDArray[Any] | None:
+    """How the runs of a shard ended, array (runs,) of `Status`; None where it is not taken.
+
+    Of a shard that is whole and of this study: the rest of its numbers is not looked at.
+    """
+    import netCDF4
+
+    path = shard_path(folder, index)
+    expected = {**told, "index": index, "shard_format": SHARD_FORMAT,
+                "engine_sha256": engine_digest()}
+    with _ONE, contextlib.suppress(OSError, RuntimeError, ValueError, AttributeError, KeyError), \
+            netCDF4.Dataset(path) as file:
+        file.set_auto_maskandscale(False)
+        if all(str(file.getncattr(name)) == str(value) for name, value in expected.items()):
+            return np.array(file["status"][...])
+    return None
+
+
 _WORDS = {"inputs": "study", "engine_sha256": "build of the engine", "first": "place",
           "stop": "place", "shard_format": "version"}
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from lapwing.base.registry import STUDIES, carried_out
+from lapwing.base.threads import share_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -92,6 +93,15 @@ def shards_of(folder: Path, kind: str, name: str) -> Path:
     return folder / f"{kind}_{name}"
 
 
+def jobs_of(deck: Deck) -> Iterator[tuple[str, str, Any]]:
+    """(kind, name, `studies.map.shards.Job`) of each study of a deck that keeps shards."""
+    for study in carried_out():
+        asked_for = deck.studies[study.kind]
+        module: Any = study.part("study") if asked_for else None
+        for asked in asked_for if getattr(module, "KEEPS_SHARDS", False) else ():
+            yield study.kind, asked.name, module.job(deck, asked)
+
+
 def compute_part(deck: Deck, part: int, parts: int, threads: int, report: Callable[..., Any],
                  folder: Path, notes: Callable[[str], None]) -> tuple[int, int]:
     """Make each `parts`-th shard, from the `part`-th on, of each study that has shards.
@@ -142,7 +152,8 @@ def _side_by_side(study: Study, deck: Deck, threads: int, report: Callable[..., 
     orders = [order for order, one in enumerate(asked) if (study.kind, one.name) not in known]
     done = report(f"{study.kind}s", len(orders), f"{study.kind}s")
     new, complete = side_by_side(
-        lambda order: part.carry_out(deck, asked[order], order, 1, None), orders, threads, done)
+        lambda order: part.carry_out(deck, asked[order], order, 1, None), orders,
+        share_of(threads), done)
     made = {orders[place]: dataset for place, dataset in new.items()}
     for order, one in enumerate(asked):
         dataset = known.get((study.kind, one.name), made.get(order))

@@ -16,7 +16,7 @@ from lapwing.results.findings import endings
 from lapwing.studies import cost
 from lapwing.studies.labels import labels
 from lapwing.studies.map.run import job_of, make_part, parameter_map
-from lapwing.studies.map.shards import carried_out
+from lapwing.studies.map.shards import Job, carried_out
 from lapwing.studies.sweep.varied import oscillator_at
 
 if TYPE_CHECKING:
@@ -53,11 +53,16 @@ def carry_out(deck: Deck, study: Asked, order: int, threads: int,
         labels(deck, study) | {"x_parameter": study.x_parameter, "y_parameter": study.y_parameter})
 
 
+def job(deck: Deck, study: Asked) -> Job:
+    """How a map is cut, and what its shards say of themselves."""
+    return job_of(**_arguments(deck, study))
+
+
 def carry_out_part(deck: Deck, study: Asked, part: int, parts: int, threads: int,
                    done: Callable[[float], None] | None, folder: Path,
                    notes: Callable[[str], None] | None = None) -> tuple[int, int]:
     """Make each `parts`-th shard of a map, from the `part`-th on; see `run.make_part`."""
-    return make_part(job_of(**_arguments(deck, study)), folder, part, parts, threads, done, notes)
+    return make_part(job(deck, study), folder, part, parts, threads, done, notes)
 
 
 def _arguments(deck: Deck, study: Asked) -> dict[str, Any]:

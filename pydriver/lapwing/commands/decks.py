@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lapwing.base import exit_codes, signals
+import typer
+
+from lapwing.base import estimates, exit_codes, signals
 from lapwing.base.exit_codes import ExitCode
+from lapwing.base.registry import STUDIES
 from lapwing.console import complain
 
 if TYPE_CHECKING:
@@ -20,6 +23,41 @@ OK, FAILED, BAD_INPUT, SURROUNDINGS = (
     ExitCode.GOOD, ExitCode.FAILED, ExitCode.BAD_INPUT, ExitCode.SURROUNDINGS)
 
 
+def loaded_decks(paths: list[Path], settings: list[str]) -> tuple[list[Deck], ExitCode]:
+    """Decks that are good, and the exit code of those that are not."""
+    from lapwing.deck import DeckError, load_deck
+
+    overrides, code = [], OK
+    for setting in settings:
+        key, equals, value = setting.partition("=")
+        if not equals:
+            complain(f"--set {setting}: expected GROUP.KEY=VALUE")
+            raise typer.Exit(BAD_INPUT)
+        overrides.append((key, value))
+    loaded = []
+    for path in paths:
+        try:
+            deck = load_deck(path, overrides)
+        except DeckError as error:
+            complain(str(error))
+            code = BAD_INPUT
+            continue
+        for warning in deck.warnings:
+            complain(str(warning))
+        too_large = estimates.refusals(deck)
+        for text in too_large:
+            complain(text)
+        code = BAD_INPUT if too_large else code
+        loaded += [] if too_large else [deck]
+    return loaded, code
+
+
+def studies_in_words(deck: Deck) -> str:
+    """How much there is to do."""
+    counts = ((len(deck.studies[study.kind]), study.words) for study in STUDIES.values())
+    return ", ".join(f"{n} {word}{'s' if n != 1 else ''}" for n, word in counts)
+
+
 def refused(error: Any, prefix: str = "", path: Path | None = None) -> ExitCode:
     """Say in one line what the surroundings refuse; the exit code. Other errors go on."""
     if not exit_codes.is_of_surroundings(error):
@@ -28,21 +66,24 @@ def refused(error: Any, prefix: str = "", path: Path | None = None) -> ExitCode:
     return exit_codes.of_error(error)
 
 
-def _attempt(deck: Deck, progress: Bars | Lines, work: Callable[[], Any], stopped: str,
-             out: Path | None = None) -> tuple[Any, ExitCode]:
+def _attempt(deck: Deck, progress: Any, work: Callable[[], Any], stopped: str,
+             out: Path | None = None, last: bool = True) -> tuple[Any, ExitCode]:
     """What a deck's work gives, or None; what stops it is said in one line, its exit code returned.
 
     Parameters
     ----------
-    deck, progress : closed at the end
+    deck, progress : closed at the end, unless more follows
     work : callable()
     stopped : what to say where a signal stops it
     out : folder that the work writes into, or None
+    last : whether nothing follows that is good
     """
     from lapwing.results.store import StoreError
 
+    good = False
     try:
-        return work(), OK
+        result, good = work(), True
+        return result, OK
     except StoreError as error:
         complain(str(error))
         return None, BAD_INPUT
@@ -52,7 +93,8 @@ def _attempt(deck: Deck, progress: Bars | Lines, work: Callable[[], Any], stoppe
         complain(f"{deck.title}: stopped; {stopped}")
         return None, exit_codes.of_signal(signals.heard())
     finally:
-        progress.close()
+        if last or not good:
+            progress.close()
 
 
 def part_of(deck: Deck, out: Path, part: int, parts: int, threads: int,
@@ -83,7 +125,38 @@ def part_of(deck: Deck, out: Path, part: int, parts: int, threads: int,
     return OK
 
 
-def run_of(deck: Deck, out: Path, threads: int, force: bool, progress: Bars | Lines,
+def merge_of(deck: Deck, out: Path, threads: int, force: bool, progress: Bars | Lines,
+             figures: str) -> ExitCode:
+    """Run a deck whose shards are all there; else name those that are missing."""
+    from lapwing.part import missing_shards
+
+    missing, code = _attempt(deck, progress, lambda: missing_shards(deck, out),
+                             "nothing was finished", out, last=False)
+    if missing is None:
+        return code
+    for study, (indices, count) in missing.items():
+        complain(f"{deck.title}: {study}: {len(indices)} of {count} shards are missing: "
+                 f"{ranges(indices)}")
+    if missing:
+        progress.close()
+        complain(f"{deck.title}: nothing is put together; the command that made the parts makes "
+                 "what is missing, and so does lapwing run without --merge")
+        return FAILED
+    return run_of(deck, out, threads, force, progress, figures)
+
+
+def ranges(numbers: Sequence[int]) -> str:
+    """Rising whole numbers in words: `3, 5-8, 12`."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][1] + 1:
+            runs[-1][1] = number
+        else:
+            runs.append([number, number])
+    return ", ".join(f"{first}-{last}" if last > first else str(first) for first, last in runs)
+
+
+def run_of(deck: Deck, out: Path, threads: int, force: bool, progress: Any,
          figures: str, executor: Executor | None = None) -> ExitCode:
     """Run one deck and report; returns its exit code."""
     from lapwing.run import run_deck
