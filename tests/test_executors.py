@@ -12,9 +12,11 @@ import time
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from helpers import dataset_bytes, plane_deck, plane_numbers
 from lapwing import executors
+from lapwing.cli import app
 from lapwing.results.shards import shards_in
 
 SHARDS = 40
@@ -35,7 +37,12 @@ def call(*words, **options):
 
 
 def run(deck, out, *options, before=()):
-    return call(*before, *LAPWING, "run", deck, "--out", out, "--figures", "none", *options)
+    """Exit code and words of a run: of this process, or of those that `before` begins."""
+    words = ["run", deck, "--out", out, "--figures", "none", *options]
+    if before:
+        return call(*before, *LAPWING, *words)
+    done = CliRunner().invoke(app, [*map(str, words)])
+    return done.exit_code, done.output
 
 
 @pytest.fixture(scope="module")
