@@ -31,7 +31,9 @@ from lapwing.commands.decks import (
     run_of,
     studies_in_words,
 )
+from lapwing.commands.rerun import rerun
 from lapwing.commands.slurm import slurm
+from lapwing.commands.status import status
 from lapwing.console import complain, version_line
 
 if TYPE_CHECKING:
@@ -56,6 +58,8 @@ Examples:
   lapwing run my_pair.nml --set operation.brake_torque=2 --out trial
   lapwing critical my_pair.nml              its critical values alone, printed
   lapwing plot results/my_pair/result.nc    draw its figures again
+  lapwing status results/my_map             how far it is, and what failed
+  lapwing slurm my_map.nml > my_map.sh      its parts as a job array of Slurm
 
 \b
 Exit codes, the worst of several decks:
@@ -317,7 +321,8 @@ def _each(decks: list[Path], settings: list[str], carry_out: Callable[..., Any])
     return code
 
 
-app.command()(slurm)
+for command in (slurm, status, rerun):
+    app.command()(command)
 # The benchmark lies beside the package: an installation has it or has it not.
 if find_spec("lapwing_bench"):
     from lapwing_bench.command_line import bench

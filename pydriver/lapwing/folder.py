@@ -23,6 +23,8 @@ USED_DECK = "used.nml"
 SUMMARY = "summary.md"
 # Of a folder in which large studies keep what is finished as long as there is no result.
 SHARDS = ".shards"
+# Of one in which an interrupted run keeps what it finished beside complete results.
+INTERRUPTED = ".interrupted"
 FILES = (RESULT_FILE, USED_DECK, SUMMARY)
 
 
@@ -148,6 +150,51 @@ def drawn_in(manifest: Manifest | None) -> set[str]:
     from lapwing.plots import FORMATS, TE_FIGURE
 
     return {f"{suffix} all" for suffix in FORMATS if f"{TE_FIGURE}.{suffix}" in manifest.files}
+
+
+def note_deck(deck: Deck, shards: Path) -> None:
+    """Say beside the shards of a deck what they are of; a deck without shards needs no note.
+
+    Raises
+    ------
+    OSError
+        where it cannot be written.
+    """
+    from lapwing.deck import used_text
+    from lapwing.studies.of_deck import keeps_shards
+
+    if not keeps_shards(deck):
+        return
+    text, path = used_text(deck, shards), shards / USED_DECK
+    if read_text(path) == text:
+        return
+    shards.mkdir(parents=True, exist_ok=True)
+    aside = shards / f".{USED_DECK}.{os.getpid()}.tmp"
+    try:
+        aside.write_text(text, encoding="utf-8")
+        os.replace(aside, path)
+    finally:
+        aside.unlink(missing_ok=True)
+
+
+def deck_of(results: Path) -> Deck:
+    """The deck that results, finished or under way, are of: what a run noted last.
+
+    Raises
+    ------
+    FolderError
+        where no run noted one.
+    lapwing.deck.DeckError
+        where it cannot be read.
+    """
+    noted = [path for path in (results.with_name(results.name + SHARDS) / USED_DECK,
+                               results.with_name(results.name + INTERRUPTED) / USED_DECK,
+                               results / USED_DECK) if path.is_file()]
+    if not noted:
+        raise FolderError(f"{results}: no results, and no shards; expected is a folder that a run "
+                          "made, results/DECK")
+    deck: Deck = load_deck(noted[0])
+    return deck
 
 
 def read_text(path: Path) -> str:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lapwing.base.threads import checked_threads
 from lapwing.deck import used_hash
-from lapwing.folder import SHARDS, folder_of, present_in
+from lapwing.folder import SHARDS, folder_of, note_deck, present_in
+from lapwing.results.lock import FolderLock, StoreError
 
 if TYPE_CHECKING:
     import os
@@ -62,8 +64,14 @@ def run_part(deck: Deck, parent: str | os.PathLike[str], part: int, parts: int, 
         return Part(0, 0, True, ())
     notes: list[str] = []
     report = progress.study if progress else (lambda *_: (lambda _: None))
-    made, lay = compute_part(deck, part, parts, checked_threads(threads), report,
-                             folder.with_name(folder.name + SHARDS), notes.append)
+    shards = folder.with_name(folder.name + SHARDS)
+    note_deck(deck, shards)
+    with contextlib.ExitStack() as stack:
+        # A mark that it is at work, no more: another one at the same part may be, too.
+        with contextlib.suppress(StoreError, OSError):
+            stack.enter_context(FolderLock(shards / f"part-{part}-of-{parts}"))
+        made, lay = compute_part(deck, part, parts, checked_threads(threads), report, shards,
+                                 notes.append)
     return Part(made, lay, False, tuple(notes))
 
 

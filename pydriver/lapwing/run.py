@@ -20,6 +20,7 @@ from lapwing.base.signals import held
 from lapwing.base.threads import checked_threads, share_of
 from lapwing.deck import Deck, used_hash, used_text
 from lapwing.folder import (
+    INTERRUPTED,
     RESULT_FILE,
     SHARDS,
     SUMMARY,
@@ -27,6 +28,7 @@ from lapwing.folder import (
     Present,
     drawn_in,
     folder_of,
+    note_deck,
     present_in,
     read_text,
     refuse_others,
@@ -53,8 +55,6 @@ if TYPE_CHECKING:
     from lapwing.plots.pool import DrawingPool
     from lapwing.studies.of_deck import Found
 
-# Of a folder in which an interrupted run keeps what it finished beside complete results.
-INTERRUPTED = ".interrupted"
 
 
 @dataclass
@@ -156,7 +156,7 @@ class _Run:
         self.words = sorted(words | drawn)  # what was drawn once is drawn again with the rest
         self.aside = folder.with_name(folder.name + INTERRUPTED)
         self.shards = folder.with_name(folder.name + SHARDS)
-        # A verified result file that lacks nothing, and its checksums, where there is one.
+        # A verified result file that lacks nothing, and its checksums.
         self.whole: tuple[Path, dict[str, str]] | None = None
 
     def carry_out(self, force: bool) -> Outcome:
@@ -173,6 +173,7 @@ class _Run:
         with DrawingPool(share_of(self.threads)) as pool:
             if force and self.there.inputs == self.inputs:  # else these are parts of what is new
                 discard_studies(self.shards)
+            note_deck(self.deck, self.shards)
             found = compute(self.deck, self.threads, self.report, known, folder=self.shards,
                             notes=self.notes.append, executor=self.executor)
             return self._publish(found, pool)
@@ -302,7 +303,6 @@ class _Run:
     def _warn(self, attrs: dict[str, Any]) -> None:
         """Say of measured samples what the summary warns of."""
         from lapwing.report.measured import warnings
-
         self.notes += [f"{self.deck.title}: {text.replace('**', '')}" for text in warnings(attrs)]
 
     def _draw(self, folder: Path, pool: DrawingPool) -> tuple[dict[str, str], bool]:

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 SHARD = re.compile(r"shard-(\d{5,})\.nc$")
 ASIDE = re.compile(r"\.(shard-\d{5,}|study)\.nc\.\d+\.\d+\.tmp$")
 STUDY = "study.nc"
+# The deck, and the marks of the processes at work.
+BESIDE = re.compile(r"(used\.nml|\.used\.nml\.\d+\.tmp|\.part-\d+-of-\d+\.lock)$")
 SHARD_FORMAT = 2
 # Runs beyond which compression saves more than the index of compressed pieces takes.
 COMPRESS_ABOVE = 2048
@@ -235,10 +237,13 @@ def shards_in(folder: Path) -> list[int]:
 
 
 def discard_studies(folder: Path) -> None:
-    """`discard_shards` of every study in a folder, and the empty folder."""
+    """`discard_shards` of every study in a folder, what lies beside them, and the empty folder."""
     with contextlib.suppress(OSError):
         for path in folder.iterdir():
-            discard_shards(path)
+            if BESIDE.match(path.name):
+                path.unlink(missing_ok=True)
+            else:
+                discard_shards(path)
         folder.rmdir()
 
 

@@ -93,6 +93,12 @@ def shards_of(folder: Path, kind: str, name: str) -> Path:
     return folder / f"{kind}_{name}"
 
 
+def keeps_shards(deck: Deck) -> bool:
+    """Whether some study of a deck keeps shards while it is under way."""
+    return any(deck.studies[study.kind] and getattr(study.part("study"), "KEEPS_SHARDS", False)
+               for study in carried_out())
+
+
 def jobs_of(deck: Deck) -> Iterator[tuple[str, str, Any]]:
     """(kind, name, `studies.map.shards.Job`) of each study of a deck that keeps shards."""
     for study in carried_out():

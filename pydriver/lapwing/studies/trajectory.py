@@ -221,6 +221,26 @@ def simulate(osc: Oscillator, start: Any = "rest", phase: float = 0.0, cycles: f
     return _result(osc, call, origin, before + cycles, target, numerics, passed, seen)
 
 
+def run_from(osc: Oscillator, start: tuple[float, float, float], phase: float,
+             target: tuple[int, float], numerics: Numerics) -> Run:
+    """A run from where the engine began another, every event, near-graze and cycle kept.
+
+    Parameters
+    ----------
+    osc : Oscillator
+    start : motion state (or `engine.REST`), phi, phi', as the engine had them: nothing is checked
+    phase : float, mesh phase at the start
+    target : mesh cycle at which it ends, and τ in it
+    numerics : Numerics
+    """
+    wanted = Wanted(events=True, depths=True, cycles=True, grazes=True,
+                    graze_distance=1e-3 * osc.angle_scale)
+    call = TrajectoryCall(osc, (*start, phase), numerics=numerics, wanted=wanted)
+    call.run(target, [target] if target[1] > 0 or osc.degrees_of_freedom == 2 else [])
+    cycles = target[0] + target[1] / osc.period - phase
+    return _result(osc, call, (start, phase), cycles, target, numerics, (), phase == 0)
+
+
 def engine_start(osc: Oscillator, start: Any) -> tuple[float, float, float]:
     """Start as the engine takes it: motion state (or REST), phi, phi'.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lapwing.engine import Points
+from lapwing.engine.points import NUMBERS
 from lapwing.model.gear_pair import GearPair
+from lapwing.model.oscillator import Oscillator
 from lapwing.model.transmission_error import TransmissionError
-from lapwing.studies.sweep.varied import OF_PAIR, points_at
+from lapwing.studies.sweep.varied import OF_PAIR, moved_to, points_at
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +77,15 @@ class Grid:
               each: Callable[[], None]) -> dict[str, NDArray[np.float64]]:
         """These numbers of the runs from `first` up to `stop`; `each` is called before each run."""
         return {}
+
+    def oscillator(self, run: int) -> Oscillator:
+        """The oscillator of one run, to the last bit of its `points`."""
+        pair, operation = self.pair, dict(self.operation)
+        for name, at in zip(self.order, np.unravel_index(run, self.shape), strict=True):
+            pair, operation = moved_to(pair, self.te, name, float(self.axes[name][at]), operation)
+        points = self.points(run, run + 1)
+        exact: dict[str, Any] = {name: float(getattr(points, name)[0]) for name in NUMBERS[:-1]}
+        return replace(pair.oscillator(self.te, **operation), **exact)
 
 
 def fastest_axis(axes: Mapping[str, Any]) -> str:

@@ -14,6 +14,7 @@ from lapwing.engine import Numerics
 from lapwing.model.linear_response import critical_torque
 from lapwing.results.findings import endings
 from lapwing.studies import cost
+from lapwing.studies.again import Again, moved_again
 from lapwing.studies.labels import labels
 from lapwing.studies.map.run import job_of, make_part, parameter_map
 from lapwing.studies.map.shards import Job, carried_out
@@ -63,6 +64,26 @@ def carry_out_part(deck: Deck, study: Asked, part: int, parts: int, threads: int
                    notes: Callable[[str], None] | None = None) -> tuple[int, int]:
     """Make each `parts`-th shard of a map, from the `part`-th on; see `run.make_part`."""
     return make_part(job(deck, study), folder, part, parts, threads, done, notes)
+
+
+def again(deck: Deck, study: Asked, index: int) -> Again:
+    """One run of a map once more, `index` counting as `status` of its results does."""
+    made = job(deck, study)
+    grid = made.grid
+    where = dict(zip(grid.axes, np.unravel_index(index, [*map(len, grid.axes.values())]),
+                     strict=True))
+    run = int(np.ravel_multi_index([where[name] for name in grid.order], grid.shape))
+    line, at = divmod(run, grid.length)
+    first = line * grid.length
+    if made.start == "rest":
+        points, before = grid.points(run, run + 1), range(0)
+    else:
+        points = grid.points(first, first + grid.length)
+        before = range(at) if made.start == "up" else range(grid.length - 1, at, -1)
+    return Again(
+        moved_again(points, grid.oscillator(run), before, made.numerics, settle=made.settle,
+                    record=made.record, phase=made.phase),
+        {name: float(values[where[name]]) for name, values in grid.axes.items()})
 
 
 def _arguments(deck: Deck, study: Asked) -> dict[str, Any]:

@@ -5,11 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from lapwing.base.codes import Status
+from lapwing.engine import Numerics
 from lapwing.studies import cost
+from lapwing.studies.again import Again
 from lapwing.studies.critical.study import full_engagement
 from lapwing.studies.labels import labels
 from lapwing.studies.response.measured import with_repeats
 from lapwing.studies.response.run import response
+from lapwing.studies.trajectory import checked_start, engine_start, run_from
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -40,6 +43,15 @@ def carry_out(deck: Deck, study: Asked, order: int, threads: int, done: None) ->
         **deck.numerics_of(study))
     result = result.assign_attrs(labels(deck, study) | full_engagement(deck, study))
     return with_repeats(result, deck, study)
+
+
+def again(deck: Deck, study: Asked, index: int) -> Again:
+    """A response once more, its cycles from the start; there is no other `index` but 0."""
+    osc, phase = deck.oscillator(study), deck.numerics["start_phase"]
+    start = engine_start(osc, checked_start(osc, study.start, phase))
+    # One cycle more, for the state at the end.
+    end = study.settle_cycles + (phase > 0) + study.record_cycles + 1
+    return Again(run_from(osc, start, phase, (end, 0.0), Numerics(**deck.numerics_of(study))), {})
 
 
 def estimate(deck: Deck, study: Asked, seconds: float, clock: Any,

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from lapwing.engine import Numerics
 from lapwing.results.findings import endings
 from lapwing.studies import cost
+from lapwing.studies.again import Again, moved_again
 from lapwing.studies.critical.study import full_engagement
 from lapwing.studies.labels import labels
 from lapwing.studies.sweep.run import sweep
+from lapwing.studies.sweep.varied import Varied
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -40,6 +43,20 @@ def carry_out(deck: Deck, study: Asked, order: int, threads: int,
         observe=observe, phase=deck.numerics["start_phase"], threads=threads, progress=done,
         keep_interrupted=True, **deck.numerics_of(study), **study.operation)
     return result.assign_attrs(labels(deck, study) | full_engagement(deck, study))
+
+
+def again(deck: Deck, study: Asked, index: int) -> Again:
+    """One point of a sweep once more, `index` counting as `status` of its results does."""
+    start, at = divmod(index, len(study.values))
+    begun = study.starts[start]
+    oscillators = Varied(deck.gear_pair, deck.te, study.parameter, study.values, study.operation)
+    before = {"rest": range(0), "up": range(at),
+              "down": range(len(study.values) - 1, at, -1)}[begun]
+    return Again(
+        moved_again(oscillators.points, oscillators[at], before,
+                    Numerics(**deck.numerics_of(study)), settle=study.settle_cycles,
+                    record=study.record_cycles, phase=deck.numerics["start_phase"]),
+        {"start": begun, study.parameter: float(study.values[at])})
 
 
 def estimate(deck: Deck, study: Asked, seconds: float, clock: Any,

@@ -1,0 +1,285 @@
+"""How far results are: what is done, at work, failed and missing, and how to look at a failure."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import shlex
+import socket
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+
+from lapwing.base.codes import Status
+from lapwing.base.exit_codes import ExitCode
+from lapwing.console import complain
+from lapwing.folder import INTERRUPTED, RESULT_FILE, SHARDS, deck_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from lapwing.deck.deck import Deck
+
+# Failed runs that are listed one by one, and shards by which a rate is judged.
+LISTED, RECENT = 100, 64
+_HOLDER = re.compile(r"process (\d+) on (.+)")
+
+
+@dataclass
+class StudyState:
+    """How far one study is.
+
+    Attributes
+    ----------
+    study : str, its group in the result file
+    runs, done, failed, missing : int, runs of it; done are those that have a result
+    shards, shards_done : int, the parts that are kept, 0 where there are none
+    runs_per_second, seconds_left : float or None, by the shards that came last; None: not known
+    failed_runs : list of int, the first of those that failed, counted as `status` is
+    """
+
+    study: str
+    runs: int
+    done: int = 0
+    failed: int = 0
+    missing: int = 0
+    shards: int = 0
+    shards_done: int = 0
+    runs_per_second: float | None = None
+    seconds_left: float | None = None
+    failed_runs: list[int] = field(default_factory=list)
+
+
+@dataclass
+class State:
+    """How far the results of a deck are.
+
+    Attributes
+    ----------
+    results : str, their folder
+    state : 'complete', 'running' or 'incomplete' (nobody is at work)
+    at_work : list of str, processes at work, as far as is known
+    studies : list of StudyState
+    rerun : str or None, the command that repeats the first failed run with all its events
+    """
+
+    results: str
+    state: str
+    at_work: list[str]
+    studies: list[StudyState]
+    rerun: str | None = None
+
+
+def status(results: Annotated[list[Path], typer.Argument(
+               metavar="RESULTS...", help="folders of results, results/DECK")],
+           as_json: Annotated[bool, typer.Option(
+               "--json", help="as JSON, a list")] = False) -> None:
+    """Say how far results are: runs done, failed and missing, who is at work, the time left.
+
+    \b
+    Example:
+      lapwing status results/my_map
+    """  # noqa: D301
+    from lapwing.deck import DeckError
+    from lapwing.results.store import StoreError
+
+    found, code = [], ExitCode.GOOD
+    for folder in results:
+        try:
+            found.append(state_of(base_of(folder)))
+        except (DeckError, StoreError) as error:
+            complain(str(error))
+            code = ExitCode.BAD_INPUT
+    if as_json:
+        print(json.dumps([asdict(one) for one in found], indent=1))
+    else:
+        for one in found:
+            print("\n".join(_lines(one)))
+    raise typer.Exit(code)
+
+
+def base_of(folder: Path) -> Path:
+    """The folder of results that is meant, which need not be there yet."""
+    for suffix in (SHARDS, INTERRUPTED):
+        if folder.name.endswith(suffix):
+            return folder.with_name(folder.name.removesuffix(suffix))
+    return folder
+
+
+def state_of(results: Path) -> State:
+    """How far the results of a deck are.
+
+    Raises
+    ------
+    lapwing.folder.FolderError
+        where there is nothing that a run made.
+    lapwing.deck.DeckError
+        where the deck of which they are cannot be read.
+    """
+    from lapwing.deck import used_hash
+    from lapwing.results.store import COMPLETE, Manifest
+    from lapwing.studies.of_deck import jobs_of, shards_of, studies_of
+
+    deck = deck_of(results)
+    at_work = [*_at_work(results)]
+    stored: dict[str, NDArray[Any]] = {}
+    complete = False
+    for folder in (results.with_name(results.name + INTERRUPTED), results):
+        manifest = Manifest.read(folder)
+        if manifest is not None and manifest.inputs == used_hash(deck) \
+                and RESULT_FILE in manifest.files:
+            stored |= _stored(folder / RESULT_FILE)
+            complete = manifest.state == COMPLETE
+    jobs = {f"{kind}_{name}": job for kind, name, job in jobs_of(deck)}
+    studies = []
+    for kind, name in studies_of(deck):
+        group = f"{kind}_{name}"
+        counted = _counted(group, stored.get(group), _runs(deck, kind, name))
+        if group in jobs and counted.missing:
+            folder = shards_of(results.with_name(results.name + SHARDS), kind, name)
+            counted = _of_shards(group, jobs[group], folder, bool(at_work))
+        studies.append(counted)
+    state = "running" if at_work else "complete" if complete else "incomplete"
+    return State(str(results), state, at_work, studies, _rerun(results, studies))
+
+
+def _rerun(results: Path, studies: list[StudyState]) -> str | None:
+    for one in studies:
+        if one.failed_runs and not one.study.startswith("critical_"):
+            return shlex.join(["lapwing", "rerun", str(results), one.study,
+                               str(one.failed_runs[0])])
+    return None
+
+
+def _runs(deck: Deck, kind: str, name: str) -> int:
+    """Runs of a study of a deck; a search is counted as one."""
+    from lapwing.base.registry import STUDIES
+
+    asked = next(one for one in deck.studies[kind] if one.name == name)
+    part = STUDIES[kind].part("study")
+    return int(part.extent(asked)[0]) if hasattr(part, "again") else 1
+
+
+def _stored(path: Path) -> dict[str, NDArray[Any]]:
+    """How the runs of a result file ended, by group: arrays of `Status`, in the file's order."""
+    import netCDF4
+
+    found = {}
+    with contextlib.suppress(OSError, RuntimeError), netCDF4.Dataset(path) as file:
+        file.set_auto_maskandscale(False)
+        for name, group in file.groups.items():
+            if "status" in group.variables:
+                found[name] = np.array(group["status"][...]).ravel()
+            elif "status" in group.ncattrs():
+                found[name] = np.array([group.getncattr("status")])
+            elif "trial_failed" in group.variables:
+                failed = np.any(np.array(group["trial_failed"][...]) > 0)
+                found[name] = np.array([Status.NOT_FINITE if failed else Status.OK])
+            elif name.startswith("critical_"):
+                found[name] = np.array([Status.OK])
+    return found
+
+
+def _counted(group: str, ended: NDArray[Any] | None, runs: int) -> StudyState:
+    """How far a study is by the result file."""
+    if ended is None:
+        return StudyState(group, runs, missing=runs)
+    return _state(group, ended)
+
+
+def _state(group: str, ended: NDArray[Any]) -> StudyState:
+    good, open_ = ended == Status.OK, ended == Status.UNFINISHED
+    failed = np.flatnonzero(~good & ~open_)
+    return StudyState(group, ended.size, int(good.sum()), failed.size, int(open_.sum()),
+                      failed_runs=failed[:LISTED].tolist())
+
+
+def _of_shards(group: str, job: Any, folder: Path, running: bool) -> StudyState:
+    """How far a study is by its shards."""
+    from lapwing.results.shards import read_status, shard_path
+
+    ended = np.full(job.grid.runs, Status.UNFINISHED, dtype=np.int8)
+    came = []
+    for index in range(job.shards):
+        found = read_status(folder, index, job.told(index))
+        if found is not None:
+            first, stop = job.place(index)
+            ended[first:stop] = found
+            with contextlib.suppress(OSError):
+                came.append((shard_path(folder, index).stat().st_mtime, stop - first))
+    grid = job.grid
+    state = _state(group, ended.reshape(grid.shape).transpose(
+        [grid.order.index(name) for name in grid.axes]).ravel())
+    state.shards, state.shards_done = job.shards, len(came)
+    state.runs_per_second = _rate(sorted(came)[-RECENT:])
+    if running and state.runs_per_second:
+        state.seconds_left = state.missing / state.runs_per_second
+    return state
+
+
+def _rate(came: list[tuple[float, int]]) -> float | None:
+    """Runs per second between the first and the last of some shards; None: not known."""
+    if len(came) < 2 or came[-1][0] <= came[0][0]:
+        return None
+    return sum(runs for _, runs in came[1:]) / (came[-1][0] - came[0][0])
+
+
+def _at_work(results: Path) -> Iterator[str]:
+    """Processes that write results or shards; of other machines it is not known whether still."""
+    shards = results.with_name(results.name + SHARDS)
+    marks = [results.parent / f".{results.name}.lock", *sorted(shards.glob(".part-*.lock"))]
+    for mark in marks:
+        try:
+            held = _HOLDER.match(mark.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            continue
+        here = held is not None and held[2].strip() == socket.gethostname()
+        if held is None or (here and not _lives(int(held[1]))):
+            continue
+        part = re.match(r"\.part-(\d+)-of-(\d+)\.lock", mark.name)
+        yield held[0].strip() + (f", part {part[1]} of {part[2]}" if part else "")
+
+
+def _lives(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
+def _lines(state: State) -> list[str]:
+    lines = [f"{state.results}: {state.state}"
+             + f"; at work: {'; '.join(state.at_work)}" * bool(state.at_work)]
+    for one in state.studies:
+        text = f"  {one.study}: {one.done} of {one.runs} done"
+        text += f", {one.failed} failed" * bool(one.failed)
+        text += f", {one.missing} missing" * bool(one.missing)
+        if one.shards:
+            text += f"; {one.shards_done} of {one.shards} shards"
+        if one.runs_per_second:
+            text += f"; {one.runs_per_second:.3g} runs/s of late"
+        if one.seconds_left is not None:
+            text += f", about {_duration(one.seconds_left)} left"
+        lines.append(text)
+        if one.failed_runs:
+            lines.append(f"    failed: {', '.join(map(str, one.failed_runs[:10]))}"
+                         + ", …" * (one.failed > 10))
+    if state.rerun:
+        lines.append(f"  to see one fail: {state.rerun}")
+    return lines
+
+
+def _duration(seconds: float) -> str:
+    for unit, length in (("days", 86400), ("h", 3600), ("min", 60)):
+        if seconds >= 2 * length:
+            return f"{seconds / length:.3g} {unit}"
+    return f"{seconds:.2g} s"
