@@ -191,10 +191,41 @@ def test_dask_makes_the_same_though_a_worker_is_killed(tmp_path):
 
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None,
                                   silence_logs=50) as cluster, \
-            distributed.Client(cluster) as client, \
-            client.get_executor(pure=False, retries=3) as executor:
-        workers = list(client.run(os.getpid).values())
+            executors.opened(f"dask={cluster.scheduler_address}") as executor:
+        workers = list(executor._client.run(os.getpid).values())
         found = parameter_map(PAIR, te, axes, folder=tmp_path, executor=executor,
                               progress=kill_one, **options)
     assert killed and shards_in(tmp_path) == list(range(SHARDS))
     assert dataset_bytes(found) == dataset_bytes(parameter_map(PAIR, te, axes, **options))
+
+
+def test_workers_of_dask_share_their_node(monkeypatch):
+    """As many threads each as there are processors for every call that is carried out there."""
+    distributed = pytest.importorskip("distributed")
+    told = []
+
+    class Client:
+        def nthreads(self):
+            return {"tcp://10.0.0.1:40": 2, "tcp://10.0.0.1:41": 1, "tls://[::1]:7": 1}
+
+    class Here:
+        address = "tcp://10.0.0.1:99"
+
+    class Inline:
+        def submit(self, function, *args, **kwargs):
+            return function(*args, **kwargs)
+
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    monkeypatch.delenv("SLURM_CPUS_PER_TASK", raising=False)
+    monkeypatch.setattr(distributed, "get_worker", Here)
+    monkeypatch.setattr(executors, "processors", lambda: set(range(13)))
+    monkeypatch.setattr(executors, "take_share", told.append)
+    pool = executors._Shared(Client(), Inline())
+    assert pool.submit(max, 3, 5) == 5 and told == [4]  # 13 // 3
+    Here.address = "tls://[::1]:8"
+    pool.submit(max, 3, 5)
+    Here.address = "tcp://10.0.0.2:1"  # one that has just come
+    pool.submit(max, 3, 5)
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
+    pool.submit(max, 3, 5)
+    assert told == [4, 13, 13, 2]

@@ -132,7 +132,7 @@ def run(decks: Decks,
     if shard is not None:
         part, parts = _part(shard)
         raise typer.Exit(_each(decks, setting, lambda deck, progress: part_of(
-            deck, out, part, parts, threads, progress)))
+            deck, out, part, parts, threads, progress), whole=False))
     if len(decks) > 1 and threads > 1 and executor is None:
         from lapwing.commands.side_by_side import run_side_by_side
 
@@ -308,11 +308,12 @@ def _refuse_equal_stems(decks: list[Path]) -> None:
         seen[deck.stem] = deck
 
 
-def _each(decks: list[Path], settings: list[str], carry_out: Callable[..., Any]) -> ExitCode:
+def _each(decks: list[Path], settings: list[str], carry_out: Callable[..., Any],
+          whole: bool = True) -> ExitCode:
     """Carry out one deck after the other until a signal; the worst exit code."""
     from lapwing.progress import begun
 
-    loaded, code = loaded_decks(decks, settings)
+    loaded, code = loaded_decks(decks, settings, whole)
     for deck in loaded:
         ended: ExitCode = carry_out(deck, begun(deck.title, studies_in_words(deck)))
         code = max(code, ended)

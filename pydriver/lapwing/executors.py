@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from concurrent.futures import Executor
+import math
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
 from contextlib import contextmanager
+from typing import Any
 
+from lapwing.base.threads import asked_threads, fair_share, processors, take_share
+
+# Seconds for which the number of Dask's workers is taken to be what it was.
+STALE = 5.0
 EXPECTED = "expected mpi, or dask=ADDRESS of a scheduler"
 
 
@@ -37,6 +45,7 @@ def opened(name: str | None) -> Iterator[Executor | None]:
     if name == "mpi":
         with _needed("mpi"):
             from mpi4py.futures import MPICommExecutor
+        _share_node()
         with MPICommExecutor() as executor:
             if executor is not None:
                 yield executor
@@ -47,7 +56,65 @@ def opened(name: str | None) -> Iterator[Executor | None]:
     with _needed("dask"):
         from distributed import Client
     with Client(address) as client, client.get_executor(pure=False, retries=3) as executor:
-        yield executor
+        yield _Shared(client, executor)
+
+
+def _share_node() -> None:
+    """Let each rank of MPI take its share of the node it is on; the first one only hands out."""
+    from mpi4py import MPI
+
+    rank, ranks = MPI.COMM_WORLD.Get_rank(), MPI.COMM_WORLD.Get_size()
+    works = rank > 0 or ranks == 1
+    node = MPI.COMM_WORLD.Split_type(MPI.COMM_TYPE_SHARED)
+    of_all = node.allgather(sorted(processors()) if works else [])
+    node.Free()
+    if works and ranks > 1:
+        take_share(asked_threads() or fair_share(processors(), of_all))
+
+
+class _Shared(Executor):
+    """An executor of Dask whose workers know how many work on their node.
+
+    Parameters
+    ----------
+    client : distributed.Client
+    executor : its `get_executor`
+    """
+
+    def __init__(self, client: Any, executor: Executor) -> None:
+        self._client, self._executor = client, executor
+        self._slots: dict[str, int] = {}
+        self._asked = -math.inf
+
+    def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Hand out a call; see `concurrent.futures.Executor`."""
+        if time.monotonic() - self._asked > STALE:
+            slots: Counter[str] = Counter()
+            for address, threads in self._client.nthreads().items():
+                slots[_host(address)] += threads
+            self._slots, self._asked = dict(slots), time.monotonic()
+        return self._executor.submit(_on_node, self._slots, function, *args, **kwargs)
+
+
+def _on_node(slots: dict[str, int], function: Callable[..., Any], *args: Any,
+             **kwargs: Any) -> Any:
+    """A call in a worker of Dask, which shares its node with others.
+
+    Parameters
+    ----------
+    slots : host -> calls that its workers carry out at a time
+    function, *args, **kwargs : the call
+    """
+    from distributed import get_worker
+
+    here = slots.get(_host(get_worker().address), 0)
+    take_share(asked_threads() or max(1, len(processors()) // max(1, here)))
+    return function(*args, **kwargs)
+
+
+def _host(address: str) -> str:
+    """The host in an address such as tcp://host:port."""
+    return address.rpartition("://")[2].rpartition(":")[0]
 
 
 @contextmanager

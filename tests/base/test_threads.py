@@ -34,6 +34,25 @@ def test_what_is_no_number_is_passed_over(value, monkeypatch):
     assert threads.default_threads() == 3
 
 
+@pytest.mark.parametrize(("own", "others", "share"), [
+    ({0, 1, 2, 3}, [{0, 1, 2, 3}], 4), ({0, 1, 2, 3}, [{0, 1, 2, 3}] * 2, 2),
+    ({0, 1, 2}, [{0, 1, 2}] * 2, 1), ({0}, [{0}] * 5, 1), ({2, 3}, [{0, 1}, {2, 3}], 2),
+    ({0, 1, 2, 3}, [{0, 1, 2, 3}, {2, 3}], 3), (set(range(9)), [set(range(9))] * 3, 3)])
+def test_workers_share_the_processors_of_their_node(own, others, share):
+    assert threads.fair_share(own, others) == share
+
+
+def test_a_worker_takes_one_thread_or_its_share(monkeypatch):
+    assert threads.worker_threads(5) == 1
+    try:
+        threads.take_share(2)
+        assert threads.worker_threads(5) == 2 and threads.worker_threads(1) == 1
+        monkeypatch.setitem(threads._state, "forked", True)
+        assert threads.worker_threads(5) == 1
+    finally:
+        threads.take_share(None)
+
+
 def test_a_huge_wish_is_bounded(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "100000")
     assert threads.default_threads() == threads.most_threads()

@@ -136,6 +136,12 @@ def test_there_are_no_more_parts_than_the_cluster_takes(made):
     assert "#SBATCH --array=1-1000\n" in script("plane.nml", *fine)
 
 
+def test_what_is_too_large_for_this_machine_may_still_be_made_in_parts(made):
+    fine = ("--set", "map.x_count=30000", "--set", "map.y_count=30000",
+            "--set", "map.shard_runs=1000000")
+    assert "#SBATCH --array=1-900\n" in script("plane.nml", *fine)
+
+
 @pytest.mark.parametrize(("words", "said"), [
     (["--time", "4"], "--time 4: expected a time limit of Slurm above 4 minutes"),
     (["--time", "x\n#SBATCH --uid=0"], "expected a time limit"),

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import threading
+from collections import Counter
+from collections.abc import Iterable
 
 from lapwing.base.arguments import MAX_INT, whole
 
@@ -31,11 +34,7 @@ def default_threads() -> int:
     Of a list such as ``4,3,2`` the first number is taken, as OpenMP does.  What is no whole number
     above 0 is passed over, and the answer is `most_threads` at most.
     """
-    for name in ("OMP_NUM_THREADS", "SLURM_CPUS_PER_TASK"):
-        found = _LIST.fullmatch(os.environ.get(name, ""))
-        if found and int(found[1]) > 0:
-            return min(int(found[1]), most_threads())
-    return _processors()
+    return asked_threads() or _processors()
 
 
 def most_threads() -> int:
@@ -65,6 +64,38 @@ def take_share(threads: int | None) -> None:
 def share_of(wanted: int) -> int:
     """The wanted threads, or this process's share of them where it is less."""
     return wanted if _share[0] is None else min(wanted, _share[0])
+
+
+def fair_share(own: Iterable[int], others: Iterable[Iterable[int]]) -> int:
+    """Threads of a process among those that work on the same node, one at least.
+
+    Parameters
+    ----------
+    own : processors that it may use
+    others : those of each process at work there, itself included
+    """
+    users = Counter(processor for processors in others for processor in processors)
+    return max(1, math.floor(sum(1 / users[processor] for processor in own) + 1e-9))
+
+
+def asked_threads() -> int | None:
+    """OMP_NUM_THREADS or SLURM_CPUS_PER_TASK, the first that says a number; None: neither."""
+    for name in ("OMP_NUM_THREADS", "SLURM_CPUS_PER_TASK"):
+        found = _LIST.fullmatch(os.environ.get(name, ""))
+        if found and int(found[1]) > 0:
+            return min(int(found[1]), most_threads())
+    return None
+
+
+def processors() -> set[int]:
+    """Numbers of the processors that this process may use; the system's where that is not known."""
+    return os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") \
+        else set(range(os.cpu_count() or 1))
+
+
+def worker_threads(tasks: int) -> int:
+    """Threads for so many tasks in a process that works for another: its share, else one."""
+    return usable_threads(_share[0] or 1, tasks)
 
 
 def usable_threads(wanted: int, tasks: int) -> int:
@@ -104,8 +135,7 @@ def _can_begin(wanted: int) -> int:
 
 
 def _processors() -> int:
-    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return max(1, min(allowed or 1, _cgroup_quota()))
+    return max(1, min(len(processors()), _cgroup_quota()))
 
 
 def _cgroup_quota() -> int:

@@ -23,8 +23,16 @@ OK, FAILED, BAD_INPUT, SURROUNDINGS = (
     ExitCode.GOOD, ExitCode.FAILED, ExitCode.BAD_INPUT, ExitCode.SURROUNDINGS)
 
 
-def loaded_decks(paths: list[Path], settings: list[str]) -> tuple[list[Deck], ExitCode]:
-    """Decks that are good, and the exit code of those that are not."""
+def loaded_decks(paths: list[Path], settings: list[str],
+                 whole: bool = True) -> tuple[list[Deck], ExitCode]:
+    """Decks that are good, and the exit code of those that are not.
+
+    Parameters
+    ----------
+    paths : list of Path
+    settings : list of str, GROUP.KEY=VALUE
+    whole : bool, whether what cannot fit into memory is refused; a part of it may fit
+    """
     from lapwing.deck import DeckError, load_deck
 
     overrides, code = [], OK
@@ -44,7 +52,7 @@ def loaded_decks(paths: list[Path], settings: list[str]) -> tuple[list[Deck], Ex
             continue
         for warning in deck.warnings:
             complain(str(warning))
-        too_large = estimates.refusals(deck)
+        too_large = estimates.refusals(deck) if whole else []
         for text in too_large:
             complain(text)
         code = BAD_INPUT if too_large else code

@@ -123,7 +123,7 @@ def slurm(deck: Annotated[Path, typer.Argument(metavar="DECK", help="namelist de
                f"fewer than the {max_array_size} of --max-array-size")) if text]
     for text in problems:
         complain(text)
-    loaded, code = loaded_decks([deck], setting)
+    loaded, code = loaded_decks([deck], setting, whole=False)
     if problems or not loaded:
         raise typer.Exit(ExitCode.BAD_INPUT)
     parts = _parts(loaded[0], tasks, cpus, max_array_size)

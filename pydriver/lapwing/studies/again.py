@@ -33,7 +33,7 @@ class Again:
 
 
 def moved_again(points: Points, osc: Oscillator, before: Sequence[int], numerics: Numerics, *,
-                settle: int, record: int, phase: float) -> Run:
+                settle: int, record: int, phase: float, bounces: bool = True) -> Run:
     """A run of a sweep or a map once more.
 
     Parameters
@@ -44,6 +44,7 @@ def moved_again(points: Points, osc: Oscillator, before: Sequence[int], numerics
     numerics : Numerics
     settle, record : int, mesh cycles
     phase : float, mesh phase at the start
+    bounces : bool, see `Wanted`
     """
     numerics = replace(numerics, method=common_method(points, numerics))
     start = (engine.REST, 0.0, 0.0)
@@ -51,8 +52,8 @@ def moved_again(points: Points, osc: Oscillator, before: Sequence[int], numerics
         line = points.take(np.array(before))
         last = engine.sweep(
             line, [(0, len(line) - 1, True)], [(*start, phase)], numerics=numerics,
-            wanted=Wanted(cycles=True), settle=settle, record=record, log_room=1, threads=1,
-            keep_cycles=False).outcome[-1]
+            wanted=Wanted(cycles=True, bounces=bounces), settle=settle, record=record,
+            log_room=1, threads=1, keep_cycles=False).outcome[-1]
         if last["status"] == Status.OK:  # what follows a run that failed begins at rest
             start = float(last["motion_state"]), float(last["phi"]), float(last["phi_dot"])
-    return run_from(osc, start, phase, (settle + record, phase * osc.period), numerics)
+    return run_from(osc, start, phase, (settle + record, phase * osc.period), numerics, bounces)

@@ -222,7 +222,7 @@ def simulate(osc: Oscillator, start: Any = "rest", phase: float = 0.0, cycles: f
 
 
 def run_from(osc: Oscillator, start: tuple[float, float, float], phase: float,
-             target: tuple[int, float], numerics: Numerics) -> Run:
+             target: tuple[int, float], numerics: Numerics, bounces: bool = True) -> Run:
     """A run from where the engine began another, every event, near-graze and cycle kept.
 
     Parameters
@@ -232,8 +232,9 @@ def run_from(osc: Oscillator, start: tuple[float, float, float], phase: float,
     phase : float, mesh phase at the start
     target : mesh cycle at which it ends, and τ in it
     numerics : Numerics
+    bounces : bool, see `Wanted`; those that are summed are no events
     """
-    wanted = Wanted(events=True, depths=True, cycles=True, grazes=True,
+    wanted = Wanted(events=True, depths=True, cycles=True, grazes=True, bounces=bounces,
                     graze_distance=1e-3 * osc.angle_scale)
     call = TrajectoryCall(osc, (*start, phase), numerics=numerics, wanted=wanted)
     call.run(target, [target] if target[1] > 0 or osc.degrees_of_freedom == 2 else [])

@@ -299,6 +299,22 @@ def test_a_shard_is_moved_in_blocks(start, most, monkeypatch):
     assert told == sorted(told) and told[-1] == 1.0
 
 
+@pytest.mark.parametrize("start", ["rest", "up"])
+def test_a_shard_that_several_threads_share_is_the_same(start):
+    job = job_of(PAIR, TE, AXES, line=None, start=start, settle=5, record=5, phase=0.0,
+                 numerics=None, shard_runs=10**6)
+    asked = []
+
+    def three(lines):
+        asked.append(lines)
+        return 3
+
+    found, expected = carried_out(job, 0, share_work=three), carried_out(job, 0)
+    assert asked == [job.grid.runs // (1 if start == "rest" else job.grid.length)]
+    assert {name: one.tobytes() for name, one in found.items()} \
+        == {name: one.tobytes() for name, one in expected.items()}
+
+
 def test_what_is_torn_apart_is_not_told_as_known():
     class Stopping:
         def __array__(self, *_, **__):

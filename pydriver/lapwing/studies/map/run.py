@@ -153,7 +153,7 @@ def make_part(job: Job, folder: Path, part: int, parts: int, threads: int,
     -------
     int, int, how many shards were made, and how many lay there
     """
-    found = Found(job, notes or (lambda _: None))
+    found = _Left(notes or (lambda _: None))
     indices = range(part - 1, job.shards, parts)
     made = _Work(job, folder, found, progress, indices).carry_out(None, threads)
     return made, len(indices) - made
@@ -235,10 +235,20 @@ class Found:
         self.cpus.add(shard.cpu)
 
 
+class _Left:
+    """Shards that stay where they lie, for whoever puts them together."""
+
+    def __init__(self, notes: Callable[[str], object]) -> None:
+        self.notes = notes
+
+    def take(self, index: int, shard: Shard) -> None:
+        """Let one be."""
+
+
 class _Work:
     """Shards handed out and gathered."""
 
-    def __init__(self, job: Job, folder: Path | None, found: Found,
+    def __init__(self, job: Job, folder: Path | None, found: Found | _Left,
                  progress: Callable[[float], object] | None,
                  indices: Iterable[int] | None = None) -> None:
         self.job, self.folder, self.found = job, folder, found

@@ -11,6 +11,7 @@ import json
 import math
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from lapwing import engine
 from lapwing.base.arrivals import arrivals_of
 from lapwing.base.codes import Status
+from lapwing.base.threads import worker_threads
 from lapwing.engine import Numerics, Wanted
 from lapwing.results.shards import read_shard, write_shard, write_study
 from lapwing.studies.map.grid import Grid
@@ -31,6 +33,8 @@ from lapwing.studies.map.grid import Grid
 CYCLES, FEWEST = 4_000_000, 64
 # Runs handed to the engine at once, in whole lines: it takes some 10 kB for each line.
 AT_A_TIME = 1024
+# Pieces of a shard for each of several threads, so that none waits long for the last.
+PIECES = 4
 # Variables of a shard, as they are kept.
 KEPT = {"status": np.int8, "period": np.int16, "arrivals": np.int32, "back_arrivals": np.int32,
         "chatter": np.int8, "states_visited": np.int8, "deepest_separation": float,
@@ -134,8 +138,17 @@ def shard_size(runs: int, cycles: int, length: int, wanted: int | None) -> int:
 
 
 def carried_out(job: Job, index: int, progress: Callable[[float], None] | None = None,
-                stop: threading.Event | None = None) -> dict[str, NDArray[Any]]:
-    """The numbers of one shard, `KEPT`, computed by one thread.
+                stop: threading.Event | None = None,
+                share_work: Callable[[int], int] = lambda _: 1) -> dict[str, NDArray[Any]]:
+    """The numbers of one shard, `KEPT`.
+
+    Parameters
+    ----------
+    job : Job
+    index : int
+    progress : callable(fraction done) or None
+    stop : set by whoever wants no more of it
+    share_work : callable(lines) -> threads that compute it; no number depends on it
 
     Raises
     ------
@@ -145,11 +158,23 @@ def carried_out(job: Job, index: int, progress: Callable[[float], None] | None =
     first, behind = job.place(index)
     outcome = np.empty(behind - first, dtype=engine.OUTCOME_TABLE)
     length = 1 if job.start == "rest" else job.grid.length
-    size = math.ceil(AT_A_TIME / length) * length
-    for begin in range(first, behind, size):
+    threads = share_work(len(outcome) // length)
+    most = AT_A_TIME if threads == 1 else min(AT_A_TIME, len(outcome) / (threads * PIECES))
+    size = math.ceil(most / length) * length
+
+    def fill(begin: int) -> None:
         stop_at = min(begin + size, behind)
         _move(job, begin, outcome[begin - first:stop_at - first], _told(
             progress, stop, (begin - first) / len(outcome), (stop_at - begin) / len(outcome)))
+
+    pieces = range(first, behind, size)
+    if threads == 1:
+        for begin in pieces:
+            fill(begin)
+    else:
+        with ThreadPoolExecutor(threads) as pool:
+            for _ in pool.map(fill, pieces):
+                pass
     good = outcome["status"] == Status.OK
     return {name: np.where(good | (name == "status"), outcome[name], 0 if kind is not float
                            else np.nan).astype(kind) for name, kind in KEPT.items()} \
@@ -213,5 +238,6 @@ def make_shard(job: Job, index: int, folder: Path) -> int:
     One that lies there already, whole and of this map, is left as it is.
     """
     if read_shard(folder, index, job.told(index))[0] is None:
-        write_shard(folder, index, carried_out(job, index), job.told(index))
+        data = carried_out(job, index, share_work=worker_threads)
+        write_shard(folder, index, data, job.told(index))
     return index

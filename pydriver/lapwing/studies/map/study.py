@@ -82,7 +82,7 @@ def again(deck: Deck, study: Asked, index: int) -> Again:
         before = range(at) if made.start == "up" else range(grid.length - 1, at, -1)
     return Again(
         moved_again(points, grid.oscillator(run), before, made.numerics, settle=made.settle,
-                    record=made.record, phase=made.phase),
+                    record=made.record, phase=made.phase, bounces=False),
         {name: float(values[where[name]]) for name, values in grid.axes.items()})
 
 
