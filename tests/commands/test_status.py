@@ -202,3 +202,30 @@ def test_nothing_is_no_state(tmp_path):
         done = call("status", tmp_path / name)
         assert done.exit_code == 2 and "no results, and no shards" in done.output
     assert call("rerun", tmp_path / "none", "map_plane", 1).exit_code == 2
+
+
+def test_every_run_of_an_ensemble_is_counted_and_repeated(tmp_path):
+    path = tmp_path / "pairs.nml"
+    text = plane_deck(6, 20, 5)
+    path.write_text(text[:text.index("&map")] + """
+&operation pinion_speed_rpm = 1500, brake_torque = 6 /
+&draw parameter = 'backlash', law = 'uniform', low = 0.001, high = 0.003 /
+&draw parameter = 'brake_torque', law = 'uniform', low = 4, high = 13 /
+&ensemble name = 'pairs', runs = 12, sampling = 'random', settle_cycles = 20,
+  record_cycles = 100, shard_runs = 5 /
+""", encoding="utf-8")
+    assert run(path, tmp_path, "--shard", "1/2", "--set", FEW).exit_code == 0
+    study, = state(tmp_path / "pairs")["studies"]
+    assert (study["study"], study["shards"], study["shards_done"]) == ("ensemble_pairs", 3, 2)
+    assert (study["runs"], study["done"] + study["failed"], study["missing"]) == (12, 7, 5)
+    done = run(path, tmp_path, "--set", FEW)
+    assert done.exit_code in (0, 1), done.output
+    found, made = statuses(tmp_path / "pairs", "ensemble", "pairs"), deck_of(tmp_path / "pairs")
+    assert Status.TOO_MANY_EVENTS in found["status"] and Status.OK in found["status"]
+    for index in range(12):
+        again = run_again(made, "ensemble_pairs", index)
+        assert again.run.status == found["status"].values[index]
+        assert again.place["brake_torque"] == found["brake_torque"].values[index]
+        if again.run.status == Status.OK:
+            cycles = again.run.cycles.isel(cycle=slice(20, 120))
+            assert cycles["deepest_separation"].max() == found["deepest_separation"].values[index]

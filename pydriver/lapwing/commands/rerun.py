@@ -25,7 +25,7 @@ def rerun(results: Annotated[Path, typer.Argument(
               metavar="RESULTS", help="folder of results, results/DECK")],
           study: Annotated[str, typer.Argument(
               metavar="STUDY", help="group of the result file: map_NAME, sweep_NAME, "
-              "response_NAME")],
+              "ensemble_NAME, response_NAME")],
           index: Annotated[int, typer.Argument(
               metavar="INDEX", min=0, help="the run, counted as `status` of that group is, "
               "from 0")] = 0,

@@ -106,7 +106,7 @@ def slurm(deck: Annotated[Path, typer.Argument(metavar="DECK", help="namelist de
           setting: Annotated[list[str], typer.Option(
               "--set", metavar="GROUP.KEY=VALUE", help="override a key of the deck; may be "
               "repeated")] = []) -> None:  # noqa: B006 - typer copies it
-    """Print a script for Slurm: the parts of a deck's maps as a job array, then their merge.
+    """Print a script for Slurm: parts of maps and ensembles as a job array, then their merge.
 
     \b
     Example:
@@ -128,7 +128,7 @@ def slurm(deck: Annotated[Path, typer.Argument(metavar="DECK", help="namelist de
         raise typer.Exit(ExitCode.BAD_INPUT)
     parts = _parts(loaded[0], tasks, cpus, max_array_size)
     if not parts:
-        complain(f"{deck}: lapwing slurm goes with &map; the deck has none")
+        complain(f"{deck}: lapwing slurm goes with &map and &ensemble; the deck has none")
         raise typer.Exit(ExitCode.BAD_INPUT)
     command = [sys.executable, "-m", "lapwing", "run", str(deck), "--out", str(out),
                "--threads", str(cpus), *(word for one in setting for word in ("--set", one))]

@@ -214,8 +214,10 @@ def _of_shards(group: str, job: Any, folder: Path, running: bool) -> StudyState:
             with contextlib.suppress(OSError):
                 came.append((shard_path(folder, index).stat().st_mtime, stop - first))
     grid = job.grid
-    state = _state(group, ended.reshape(grid.shape).transpose(
-        [grid.order.index(name) for name in grid.axes]).ravel())
+    if len(grid.order) > 1:  # runs of a map are counted line by line, its results by its axes
+        ended = ended.reshape(grid.shape).transpose(
+            [grid.order.index(name) for name in grid.axes]).ravel()
+    state = _state(group, ended)
     state.shards, state.shards_done = job.shards, len(came)
     state.runs_per_second = _rate(sorted(came)[-RECENT:])
     if running and state.runs_per_second:

@@ -14,6 +14,7 @@ from lapwing.deck.keys.ensemble import all_runs
 from lapwing.engine import Numerics
 from lapwing.results.findings import endings
 from lapwing.studies import cost
+from lapwing.studies.again import Again, moved_again
 from lapwing.studies.ensemble.run import ensemble, plan_of
 from lapwing.studies.labels import labels
 from lapwing.studies.map.run import make_part
@@ -66,6 +67,16 @@ def job(deck: Deck, study: Asked) -> Job:
     return plan_of(**_arguments(deck, study)).job
 
 
+def again(deck: Deck, study: Asked, index: int) -> Again:
+    """One run of an ensemble once more, `index` counting as `status` of its results does."""
+    made = job(deck, study)
+    return Again(
+        moved_again(made.grid.points(index, index + 1), made.grid.oscillator(index), range(0),
+                    made.numerics, settle=made.settle, record=made.record, phase=made.phase,
+                    bounces=False),
+        {name: float(values[index]) for name, values in made.grid.axes.items()})
+
+
 def _arguments(deck: Deck, study: Asked) -> dict[str, Any]:
     """What a deck says of an ensemble, as `ensemble` takes it."""
     count = len(study.draws)
@@ -98,4 +109,4 @@ def estimate(deck: Deck, study: Asked, seconds: float, clock: Callable[[], float
     return low * runs / threads, high * runs / threads, count / runs
 
 
-__all__ = ["carry_out", "carry_out_part", "estimate", "extent", "failed", "job"]
+__all__ = ["again", "carry_out", "carry_out_part", "estimate", "extent", "failed", "job"]
