@@ -56,7 +56,6 @@ if TYPE_CHECKING:
     from lapwing.studies.of_deck import Found
 
 
-
 @dataclass
 class Outcome:
     """How a deck went.
