@@ -140,7 +140,7 @@ def draw_all(results: Any, folder: Any, *, formats: tuple[str, ...] = FORMATS,
     tasks = [task._replace(formats=formats if words is None else formats_of(task, results, words))
              for task in tasks_of(results)]
     tasks = [task for task in tasks if task.formats]
-    outcomes = {}
+    outcomes: dict[Task, Problem | None] = {}
     for task, problem in (pool.draw(results.path, tasks, folder) if pool else
                           ((task, attempt(results, task, folder)) for task in tasks)):
         outcomes[task] = problem
@@ -148,7 +148,8 @@ def draw_all(results: Any, folder: Any, *, formats: tuple[str, ...] = FORMATS,
             progress(len(outcomes) / len(tasks))
     written = [folder / f"{task.stem}.{suffix}" for task in tasks if outcomes[task] is None
                for suffix in task.formats]
-    problems = {task.stem: outcomes[task] for task in tasks if outcomes[task] is not None}
+    problems = {task.stem: problem for task in tasks
+                if (problem := outcomes[task]) is not None}
     if problems:
         raise FigureError(written, {stem: problem.what for stem, problem in problems.items()},
                           any(problem.of_surroundings for problem in problems.values()))
@@ -227,7 +228,7 @@ def _options(results: Any, task: Task) -> dict[str, Any]:
         deck = str(results.attrs.get("deck_name", ""))
         shown = task.module.rpartition(".")[2].replace("_", " ")
         return {"title": f"{deck}, sweep '{task.name}': {shown}",
-                "claims": _claims(results, task.name),
+                "claims": _claims(results, str(task.name)),
                 "marks": _marks(results, parameter_of(results.sweep(task.name)))}
     if task.kind in ("map", "ensemble"):
         return {"title": f"{results.attrs.get('deck_name', '')}, {task.kind} '{task.name}'"}

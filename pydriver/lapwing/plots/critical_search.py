@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-LOOKS = {
+LOOKS: dict[SearchStage, dict[str, Any]] = {
     SearchStage.SCAN: {"marker": "o", "color": style.BLUE, "label": "scan, from the safe end"},
     SearchStage.BISECTION: {"marker": "s", "color": style.ORANGE, "label": "bisection"},
     SearchStage.CARRIED: {"marker": "^", "color": style.VERMILION, "label": "motions carried from "

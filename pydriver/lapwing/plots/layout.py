@@ -118,7 +118,7 @@ def _around(axis: Axes, renderer: Any) -> tuple[float, float, float, float]:
         return 0.0, 0.0, 0.0, 0.0
     around = Bbox.union(boxes)
     # Numbers at the ends of the lower axis stand half beyond it.
-    least = HALF_NUMBER * axis.figure.dpi  # type: ignore[union-attr]
+    least = HALF_NUMBER * axis.figure.dpi
     return (max(inside.x0 - around.x0, least), max(around.x1 - inside.x1, least),
             max(around.y1 - inside.y1, 0), max(inside.y0 - around.y0, 0))
 

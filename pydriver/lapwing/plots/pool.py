@@ -42,7 +42,7 @@ class DrawingPool:
 
     def __init__(self, size: int) -> None:
         self._size = min(size, MOST) if size > 1 else 0
-        self._workers = {}
+        self._workers: dict[Any, Any] = {}  # pipe -> process
         methods = multiprocessing.get_all_start_methods()
         # Fork by itself would copy the threads' locks of the engine and the display.
         self._method = "forkserver" if "forkserver" in methods else "spawn"
@@ -98,7 +98,7 @@ class DrawingPool:
                 self._hire()
         waiting = list(reversed(tasks))
         idle = list(self._workers)
-        busy = {}
+        busy: dict[Any, Task] = {}
         while waiting or busy:
             while waiting and idle:
                 pipe = idle.pop()
@@ -110,9 +110,10 @@ class DrawingPool:
             if not busy:
                 yield from ((task, Problem("no process is left to draw it")) for task in waiting)
                 return
-            for pipe in wait(list(busy)):
+            heard: list[Any] = wait(list(busy))
+            for pipe in heard:
                 try:
-                    problem = pipe.recv()
+                    problem: Problem | None = pipe.recv()
                     idle.append(pipe)
                 except (EOFError, OSError):
                     problem = Problem(f"the process that drew it {self._dismiss(pipe)}")
@@ -120,7 +121,7 @@ class DrawingPool:
 
     def _hire(self) -> None:
         """Start one process."""
-        context = multiprocessing.get_context(self._method)
+        context: Any = multiprocessing.get_context(self._method)
         ours, theirs = context.Pipe()
         process = context.Process(target=_draw_on_demand, args=(theirs,), daemon=True)
         with _main_hidden():
@@ -158,7 +159,8 @@ def _end_with_parent() -> None:
     """
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-    parent = multiprocessing.parent_process().sentinel
+    process: Any = multiprocessing.parent_process()
+    parent = process.sentinel
 
     def watch() -> None:
         wait([parent])

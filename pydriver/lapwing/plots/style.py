@@ -37,7 +37,7 @@ START_STYLES = {
              "label": "carried downwards"},
 }
 DRAWING_ORDER = ("rest", "up", "down")
-STATE_STYLES = {
+STATE_STYLES: dict[MotionState, dict[str, Any]] = {
     MotionState.SEPARATION: {"color": SKY, "linewidth": 1.1, "label": "separation"},
     MotionState.ENGAGEMENT: {"color": VERMILION, "linewidth": 2.0, "label": "engagement"},
     MotionState.BACK_ENGAGEMENT: {"color": BLACK, "linewidth": 2.0, "label": "back engagement"},
@@ -77,7 +77,8 @@ def house_style() -> Iterator[None]:
 
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        matplotlib.rcParams.update(RC | {"font.family": typeface.families()})
+        settings: Any = RC | {"font.family": typeface.families()}
+        matplotlib.rcParams.update(settings)
         yield
 
 
@@ -92,7 +93,7 @@ def new_figure(width: float, height: float, rows: bool = False) -> Figure:
     from lapwing.plots import layout
 
     figure = Figure(figsize=(width, height), dpi=DPI,
-                    layout=layout.rows() if rows else "constrained")  # type: ignore[arg-type]
+                    layout=layout.rows() if rows else "constrained")
     FigureCanvasAgg(figure)
     return figure
 
@@ -118,9 +119,10 @@ def _save_png(figure: Figure, path: Path) -> None:
     """Draw the pixels and write them without the alpha channel that they do not need."""
     from PIL import Image
 
-    figure.canvas.draw()
+    canvas: Any = figure.canvas  # Agg's, `new_figure`
+    canvas.draw()
     # Level 3 costs half of the usual 6, for files a few per cent longer.
-    Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB").save(
+    Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB").save(
         path, format="png", compress_level=3, dpi=(DPI, DPI))
     # What was just found holds for the next format.
     for axis in _panels(figure):
@@ -142,15 +144,15 @@ def _place(figure: Figure) -> None:
     figure.set_layout_engine(None)
 
 
-def _panels(figure: Figure) -> list[Axes]:
+def _panels(figure: Figure) -> list[Any]:
     """All axes, second scales as well."""
     return [one for axis in figure.axes for one in (axis, *axis.child_axes)]
 
 
 def second_scale(axis: Axes, side: str, factor: float, label: str) -> Axes:
     """A scale at the opposite side ('right' or 'top') that reads `factor` times the first."""
-    make = axis.secondary_yaxis if side == "right" else axis.secondary_xaxis
-    scale = make(side, functions=(lambda x: x * factor, lambda x: x / factor))
+    make: Any = axis.secondary_yaxis if side == "right" else axis.secondary_xaxis
+    scale: Axes = make(side, functions=(lambda x: x * factor, lambda x: x / factor))
     (scale.set_ylabel if side == "right" else scale.set_xlabel)(label)
     scale.minorticks_off()
     if side == "top":
@@ -158,6 +160,18 @@ def second_scale(axis: Axes, side: str, factor: float, label: str) -> Axes:
     elif axis.get_yscale() == "log":
         plain_powers(scale.yaxis)
     return scale
+
+
+def linear_to(axis: Axes) -> float:
+    """Where the linear part of a symlog scale upwards ends."""
+    scale: Any = axis.yaxis.get_transform()
+    return float(scale.linthresh)
+
+
+def upward_ticks(axis: Axes, **settings: Any) -> None:
+    """How the numbers along the scale upwards are chosen, as `Locator.set_params` takes it."""
+    locator: Any = axis.yaxis.get_major_locator()
+    locator.set_params(**settings)
 
 
 def arcsec_scale(axis: Axes) -> Axes:
@@ -168,8 +182,8 @@ def arcsec_scale(axis: Axes) -> Axes:
     low, high = axis.get_ylim()
     scale = axis.twinx()
     scale.set_yscale("symlog", linscale=LINEAR,
-                     linthresh=axis.yaxis.get_transform().linthresh * ARCSEC_PER_URAD)
-    scale.yaxis.get_major_locator().set_params(numticks=NUMBERS)
+                     linthresh=linear_to(axis) * ARCSEC_PER_URAD)
+    upward_ticks(scale, numticks=NUMBERS)
     scale.set_ylim(low * ARCSEC_PER_URAD, high * ARCSEC_PER_URAD)
     plain_powers(scale.yaxis)
     scale.set_ylabel("(arcsec)")
@@ -207,7 +221,7 @@ def widen_small_values(axis: Axes, values: NDArray[Any]) -> bool:
         return False
     axis.set_yscale("symlog", linthresh=10.0 ** np.floor(np.log10(np.median(size) / 2)),
                     linscale=LINEAR)
-    axis.yaxis.get_major_locator().set_params(numticks=NUMBERS)
+    upward_ticks(axis, numticks=NUMBERS)
     plain_powers(axis.yaxis)
     return True
 

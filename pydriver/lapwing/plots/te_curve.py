@@ -148,7 +148,7 @@ def _slopes_at_kinks(axis: Axes, te: xr.Dataset, factor: float, unit: str) -> No
     for i in kinks:
         left = _evaluate(coefficients[i - 1], np.diff(knots)[i - 1], 1, factor)
         right = _evaluate(coefficients[i], 0.0, 1, factor)
-        for phase in _copies([knots[i]]):
+        for phase in _copies(knots[i:i + 1]):
             axis.plot([phase, phase], [left, right], linestyle="", marker="o", markersize=6,
                       markerfacecolor="white", markeredgecolor=style.VERMILION, zorder=4)
             axis.plot(phase, right, marker="o", markersize=6, color=style.VERMILION, zorder=5)

@@ -15,8 +15,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SAMPLE = {"linestyle": "", "marker": "o", "markersize": 4.5, "markerfacecolor": "none",
-          "markeredgewidth": 1.1, "color": style.BLACK}
+SAMPLE: dict[str, Any] = {
+    "linestyle": "", "marker": "o", "markersize": 4.5, "markerfacecolor": "none",
+    "markeredgewidth": 1.1, "color": style.BLACK}
 
 
 @style.house_style()
@@ -66,7 +67,8 @@ def _copies(phase: NDArray[Any], *columns: NDArray[Any]) -> list[NDArray[Any]]:
 def _of_table(te: xr.Dataset, order: int) -> tuple[NDArray[Any], NDArray[Any]]:
     """Phase and derivative (µrad) of the curve, broken at kinks, over what is drawn."""
     knots, kinks = te["knots"].values, te["kinks"].values.astype(bool)
-    x, y = [], []
+    x: list[Any] = []
+    y: list[Any] = []
     points = max(3, POINTS * 8 // kinks.size)
     for i, row in enumerate(te["coefficients"].values):
         if kinks[i]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -82,7 +82,7 @@ def _panel(axis: Axes, data: xr.Dataset, answer: Answer) -> None:
         axis.axvline(float(data.attrs["brake_torque"]), color=style.GREEN, linewidth=1.5,
                      linestyle=(0, (5, 2)))
     axis.margins(x=0.02)
-    axis.yaxis.get_major_locator().set_params(integer=True)
+    style.upward_ticks(axis, integer=True)
 
 
 def _legend(figure: Figure, data: xr.Dataset) -> None:
@@ -90,7 +90,7 @@ def _legend(figure: Figure, data: xr.Dataset) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    handles = [Line2D([], [], color=colour, linewidth=1.3, label=f"{words}"
+    handles: list[Any] = [Line2D([], [], color=colour, linewidth=1.3, label=f"{words}"
                       + " of pairs have at most" * (level != 0.5))
                for level, (words, colour) in MARKED.items()]
     if int(data.attrs["scrambles"]) >= 0:

@@ -43,8 +43,8 @@ def draw(data: xr.Dataset, gear_pair: dict[str, float] | None = None, *,
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     data = parts.thinned(data)
-    names, found = map_kinds(data)
-    found = found.transpose(*reversed(parts.axes_of(data))).values
+    names, kinds = map_kinds(data)
+    found = kinds.transpose(*reversed(parts.axes_of(data))).values
     figure, axis = parts.new_plane(f"{title}: kinds of motion".removeprefix(": "))
     parts.cells(axis, data, np.ma.masked_less(found, 0), cmap=ListedColormap(COLOURS),
                 norm=BoundaryNorm(np.arange(len(COLOURS) + 1) - 0.5, len(COLOURS)))

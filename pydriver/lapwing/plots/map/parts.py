@@ -45,7 +45,8 @@ def plane(data: xr.Dataset, name: str) -> NDArray[Any]:
 
 def known(data: xr.Dataset) -> NDArray[np.bool_]:
     """Which runs have a result, (y, x)."""
-    return plane(data, "status") == Status.OK
+    found: NDArray[np.bool_] = plane(data, "status") == Status.OK
+    return found
 
 
 def new_plane(title: str) -> tuple[Figure, Axes]:
@@ -76,10 +77,11 @@ def cells(axis: Axes, data: xr.Dataset, values: NDArray[Any], **look: Any) -> An
     edges = {name: _edges(data[name].values) for name in (x, y)}
     rows, columns = (_image_lines(data[name].values) for name in (y, x))
     drawn = ScalarMappable(look.pop("norm", None), look.pop("cmap"))
-    drawn.set_array(np.ma.masked_invalid(values))
+    shown = np.ma.masked_invalid(values)
+    drawn.set_array(shown)
     drawn.set_clim(**look)
     drawn.autoscale_None()
-    axis.imshow(drawn.to_rgba(drawn.get_array()[rows][:, columns], bytes=True), origin="lower",
+    axis.imshow(drawn.to_rgba(shown[rows][:, columns], bytes=True), origin="lower",
                 extent=(0, 1, 0, 1), transform=axis.transAxes, interpolation="nearest",
                 aspect="auto")
     for name, one, scale in ((x, axis.xaxis, axis.set_xscale), (y, axis.yaxis, axis.set_yscale)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -48,7 +49,7 @@ def draw(response: xr.Dataset, gear_pair: dict[str, float] | None = None) -> Fig
     count = cycles_shown(response, repeats=2, aperiodic=8)
     first = cycles_recorded(response) - count
     track = path(response, count).refined(response)
-    panels = [_displacement]
+    panels: list[Callable[..., str]] = [_displacement]
     if track.pressed(response):
         panels.append(_pressed)
     if track.pressed_back(response):

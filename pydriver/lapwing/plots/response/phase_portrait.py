@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -47,7 +47,8 @@ def draw(response: xr.Dataset, gear_pair: dict[str, float] | None = None) -> Fig
     # One cycle more than the period, so that the curve is closed.
     count = min(cycles_shown(response, repeats=1, aperiodic=APERIODIC) + 1, recorded)
     track = path(response, count).refined(response)
-    panels = [("all of the motion", None, track.limits(response))]
+    panels: list[tuple[str, Any, tuple[float, float]]] = [
+        ("all of the motion", None, track.limits(response))]
     top, gap = float(np.max(track.phi)), float(response.attrs["gap_width"])
     if track.pressed(response):
         panels.append(("magnified: drive flanks pressed together", MotionState.ENGAGEMENT,
@@ -112,7 +113,7 @@ def _speed_limits(axis: Axes, track: Path, factor: float, state: MotionState | N
 
 def cycles_many(track: Path) -> bool:
     """Whether the path is so long that it must be drawn thin."""
-    return track.position[-1] - track.position[0] > 12
+    return bool(track.position[-1] - track.position[0] > 12)
 
 
 def _section(axis: Axes, response: xr.Dataset, track: Path, factor: float) -> None:

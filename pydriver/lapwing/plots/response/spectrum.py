@@ -141,7 +141,8 @@ def _least(line: NDArray[Any], orders: NDArray[Any], response: xr.Dataset) -> fl
 def _lines(orders: NDArray[Any], response: xr.Dataset) -> NDArray[np.bool_]:
     """Orders at which the motion has lines; all of a motion without a period."""
     period = int(response.attrs["period"])
-    return np.abs(orders * period - np.round(orders * period)) < 1e-9
+    found: NDArray[np.bool_] = np.abs(orders * period - np.round(orders * period)) < 1e-9
+    return found
 
 
 def _of_impacts(response: xr.Dataset,

@@ -114,7 +114,7 @@ class Path:
 
 
 def _gathered(order: list[NDArray[Any]],
-              columns: tuple[NDArray[Any], NDArray[Any]]) -> list[NDArray[Any]]:
+              columns: tuple[NDArray[Any], ...]) -> list[NDArray[Any]]:
     nodes = np.concatenate(order) if order else np.zeros(0, int)
     return [np.where(nodes < 0, np.nan, column[nodes]) if nodes.size else np.zeros(0)
             for column in columns]

@@ -90,7 +90,7 @@ def _panel(axis: Axes, sweep: xr.Dataset, name: str, factor: float) -> None:
 
 
 def _resonances(axes: NDArray[Any], parameter: str, values: NDArray[Any],
-                gear_pair: dict[str, float]) -> bool:
+                gear_pair: dict[str, float] | None) -> bool:
     """Dotted lines where the mesh frequency is the natural one, a half or a third; whether any."""
     if gear_pair is None or "pinion_teeth" not in gear_pair:
         return False

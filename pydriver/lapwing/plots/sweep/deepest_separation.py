@@ -59,11 +59,11 @@ def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title:
                     + small * "\nlogarithmic, linear near 0")
     style.arcsec_scale(axis)
     _backlash(axis, gear_pair, top)
-    curves = [line.get_xydata() for line in axis.lines if len(line.get_xydata()) > 2]
+    curves = [points for line in axis.lines if len(points := np.asarray(line.get_xydata())) > 2]
     for claim in claims:
         sweep_parts.claim_marker(axis, claim.value, style.URAD * claim.depth)
     critical_marks.mark_sweep([axis], sweep, full_engagement, marks)
-    sweep_parts.finish(figure, [axis], sweep,
+    sweep_parts.finish(figure, np.array([axis]), sweep,
                        f"deepest separation: {sweep.attrs.get('name', '')}"
                        if title is None else title)
     _claim_texts(axis, sorted(claims), curves)
@@ -78,8 +78,8 @@ def depth_lines(axis: Axes, sweep: xr.Dataset) -> None:
     looks, are dots.
     """
     for branch, look in sweep_parts.branches(sweep):
-        depth = style.URAD * branch["deepest_separation"].max("recorded_cycle")
-        depth = depth.where((branch["status"] == 0) & sweep_parts.differs(sweep, branch)).values
+        deepest = style.URAD * branch["deepest_separation"].max("recorded_cycle")
+        depth = deepest.where((branch["status"] == 0) & sweep_parts.differs(sweep, branch)).values
         x, period = branch[sweep_parts.parameter_of(sweep)].values, branch["period"].values
         joined = (period[1:] == period[:-1]) & (period[1:] > 0)
         breaks = np.flatnonzero(~joined) + 1
@@ -137,9 +137,10 @@ def _free_place(segments: NDArray[Any], marker: NDArray[Any], width: float,
     # The leader starts clear of its own marker.
     leader = (*(marker[i] + 0.15 * (at - marker[i]) for i, at in enumerate((x, y))), x, y)
     lines = np.array([(left, low, right, high), (left, high, right, low), leader])
-    crossed = []
+    crossed: list[int] = []
     for begin in range(0, x.size, BLOCK):
-        crossed.extend(sum(_crossings(segments, line[:, begin:begin + BLOCK]) for line in lines))
+        crossed.extend(np.sum([_crossings(segments, line[:, begin:begin + BLOCK])
+                               for line in lines], axis=0))
         if min(crossed) == 0:
             break
     best = int(np.argmin(crossed))
@@ -149,9 +150,11 @@ def _free_place(segments: NDArray[Any], marker: NDArray[Any], width: float,
 def _crossings(segments: NDArray[Any], lines: NDArray[Any]) -> NDArray[Any]:
     """How many segments (rows x, y, x, y) each line (columns x, y, x, y) crosses."""
     def side(a: NDArray[Any], b: NDArray[Any], c: NDArray[Any]) -> NDArray[Any]:
-        return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        turned: NDArray[Any] = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        return turned
 
     one, two = segments[:, :2].T[..., None], segments[:, 2:].T[..., None]
     start, end = lines[:2, None], lines[2:, None]
-    return np.sum((side(start, end, one) * side(start, end, two) < 0)
-                  & (side(one, two, start) * side(one, two, end) < 0), axis=0)
+    count: NDArray[Any] = np.sum((side(start, end, one) * side(start, end, two) < 0)
+                                 & (side(one, two, start) * side(one, two, end) < 0), axis=0)
+    return count

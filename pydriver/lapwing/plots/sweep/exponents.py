@@ -117,7 +117,8 @@ def _multipliers(axis: Axes, sweep: xr.Dataset) -> str:
 
 
 def _finite(values: NDArray[Any]) -> NDArray[Any]:
-    return values[np.isfinite(values)]
+    found: NDArray[Any] = values[np.isfinite(values)]
+    return found
 
 
 __all__ = ["draw"]

@@ -77,7 +77,8 @@ def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title:
 
 def _per_decade(counts: NDArray[Any], edges: NDArray[Any]) -> NDArray[Any]:
     """Impacts per mesh cycle and decade of speed."""
-    return counts / np.diff(np.log10(edges))
+    found: NDArray[Any] = counts / np.diff(np.log10(edges))
+    return found
 
 
 __all__ = ["draw"]

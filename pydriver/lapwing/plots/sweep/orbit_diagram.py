@@ -57,7 +57,7 @@ def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title:
     -------
     matplotlib.figure.Figure
     """
-    panels = {_section: 3.0, _impact_speeds: 2.4, _impacts: 1.6, _periods: 1.7}
+    panels: dict[Any, float] = {_section: 3.0, _impact_speeds: 2.4, _impacts: 1.6, _periods: 1.7}
     if "impact_velocity" not in sweep or not arrivals_in(sweep.attrs).threshold:
         panels[_depths] = panels.pop(_impact_speeds)
         panels = {panel: panels[panel] for panel in (_section, _depths, _impacts, _periods)}
@@ -112,7 +112,7 @@ def _section(axis: Axes, sweep: xr.Dataset, gear_pair: dict[str, float] | None, 
                     "← separated   engaged →")
     style.arcsec_scale(axis)
     return ("stroboscopic section: relative displacement once per mesh cycle"
-            + (f" (logarithmic, linear within ±{axis.yaxis.get_transform().linthresh:g} µrad)"
+            + (f" (logarithmic, linear within ±{style.linear_to(axis):g} µrad)"
                if small else ""))
 
 
@@ -170,7 +170,7 @@ def _impacts(axis: Axes, sweep: xr.Dataset, gear_pair: dict[str, float] | None,
             sweep_parts.claim_marker(axis, claim.value, claim.impacts)
     axis.set_ylabel(f"{law.word}s\nper cycle")
     axis.set_ylim(0, 1.15 * max(axis.get_ylim()[1], 1))
-    axis.yaxis.get_major_locator().set_params(integer=True)
+    style.upward_ticks(axis, integer=True)
     return (f"{law.word}s per cycle on the drive flank, "
             f"{law.rule(float(sweep.attrs['count_depth']))}")
 

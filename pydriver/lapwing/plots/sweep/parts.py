@@ -78,7 +78,7 @@ def claims_of(sweep: xr.Dataset, given: list[Claim] | None) -> list[Claim]:
 
 def parameter_of(sweep: xr.Dataset) -> str:
     """Name of the parameter swept."""
-    return sweep["status"].dims[1]
+    return str(sweep["status"].dims[1])
 
 
 def branches(sweep: xr.Dataset) -> list[tuple[xr.Dataset, Any]]:
@@ -107,7 +107,8 @@ def differs(sweep: xr.Dataset, branch: xr.Dataset) -> NDArray[Any]:
     same &= wild | close.all(axis=-1)
     for i in np.flatnonzero(wild):
         same[i] = _distance(one[i], two[i]) <= APART
-    return ~same
+    other: NDArray[Any] = ~same
+    return other
 
 
 def _distance(one: NDArray[Any], two: NDArray[Any]) -> float:
@@ -129,7 +130,8 @@ def beside(values: NDArray[Any], shown: NDArray[Any]) -> NDArray[Any]:
 def failed(dataset: xr.Dataset) -> NDArray[Any]:
     """Where a run failed numerically; points that an interrupted sweep never reached are not."""
     status = dataset["status"].values
-    return (status != Status.OK) & (status != Status.UNFINISHED)
+    found: NDArray[Any] = (status != Status.OK) & (status != Status.UNFINISHED)
+    return found
 
 
 def lost(sweep: xr.Dataset, start: str) -> str:

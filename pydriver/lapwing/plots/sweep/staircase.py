@@ -130,7 +130,7 @@ def _stairs(axis: Axes, sweep: xr.Dataset, claims: list[Any]) -> str:
     axis.set_ylim(0, max(axis.get_ylim()[1], 1))
     law = arrivals_in(sweep.attrs)
     axis.set_ylabel(f"{law.word}s\nper cycle")
-    axis.yaxis.get_major_locator().set_params(integer=True)
+    style.upward_ticks(axis, integer=True)
     return f"{law.word}s per cycle, {law.rule(float(sweep.attrs['count_depth']))}; drive flank"
 
 
