@@ -7,6 +7,8 @@ from lapwing import plots
 from lapwing.base.registry import STUDIES
 from lapwing.deck import DeckError, load_deck, used_hash, used_text
 from lapwing.plots.choice import asked, covers, formats_of
+from lapwing.report.answers.findings import findings_in
+from lapwing.report.summary import summary_text
 
 DECK = """&gear_pair
   pinion_teeth = 25, gear_teeth = 32, pinion_inertia = 0.0078, gear_inertia = 0.026
@@ -97,3 +99,15 @@ def test_a_figure_that_does_not_exist_is_refused_by_name(tmp_path):
 @pytest.mark.parametrize("kind", STUDIES)
 def test_the_few_are_some_of_the_figures(kind):
     assert set(STUDIES[kind].few) <= set(STUDIES[kind].figures)
+
+
+def test_the_summary_names_the_figure_to_look_at_first(results):
+    names = plots.names_of(results, asked("png", every(results)))
+    assert names[0].startswith("deepest_separation_")
+    lines = summary_text(results, names).splitlines()
+    assert lines[2] == (f"Figure to look at first: [{names[0]}]({names[0]}); {len(names) - 1} more "
+                        "beside it.")
+    # The findings follow, and are found again where a run is used once more.
+    assert lines[3] == "## Findings" and lines[5].startswith("- ")
+    assert findings_in("\n".join(lines)) == findings_in(summary_text(results)) != ()
+    assert "Figure to look at" not in summary_text(results)

@@ -51,8 +51,9 @@ def _first(figures: Sequence[str]) -> list[str]:
     if not figures:
         return []
     more = len(figures) - 1
+    # No empty line: the findings, with the torque to choose, stand within ten lines.
     return [f"Figure to look at first: [{figures[0]}]({figures[0]})" + f"; {more} more beside it"
-            * bool(more) + ".", ""]
+            * bool(more) + "."]
 
 
 def headlines(found: dict[str, dict[str, xr.Dataset]], missing: Any = ()) -> tuple[str, ...]:
