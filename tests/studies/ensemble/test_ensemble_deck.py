@@ -47,7 +47,7 @@ def test_a_deck_runs_what_python_runs(deck, tmp_path):
     outcome = run_deck(asked, tmp_path / "a", threads=1, figures="png")
     assert not outcome.undrawn and not outcome.failed
     assert {path.name for path in outcome.folder.glob("*.png")} == {
-        "distributions_pairs.png", "tornado_pairs.png", "te_curve.png"}
+        "distributions_pairs.png", "tornado_pairs.png"}
     alone = ensemble(
         asked.gear_pair, asked.te, {
             "backlash": Draw("normal", mean=0.002, deviation=0.0002, low=0.001),

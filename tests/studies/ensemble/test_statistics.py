@@ -61,7 +61,9 @@ def test_sensitivities_are_covered_as_often_as_said(count, expected):
         found = effects(scaled_sum(sensitivity_shares(count, 4, 16, seed)), 4, 16)
         for i, one in enumerate((found.main, found.total)):
             held[i] += (one[:, 1] <= parts) & (parts <= one[:, 2])
-    assert np.all((held >= least) & (held <= most)), held
+    # Eight intervals at a time: their mean is judged as one is. That one of eight good ones holds
+    # in fewer than 179 of 200, or 33 of 40, is chance in less than one of 150 such tests.
+    assert least <= held.mean() <= most and np.all(held >= (179 if repeats == 200 else 33)), held
 
 
 @pytest.mark.parametrize("sampling", [
