@@ -96,6 +96,17 @@ def test_there_is_one_way_to_share_the_work(deck, tmp_path, ways):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_merge_that_cannot_fit_names_what_is_missing_first(deck, tmp_path, monkeypatch):
+    monkeypatch.setattr("lapwing.base.estimates.available_bytes", lambda: 10)
+    monkeypatch.setattr("lapwing.base.estimates.LITTLE", 0)
+    code, said = run(deck, tmp_path, "--merge")
+    assert code == 1 and "40 of 40 shards are missing: 0-39" in said
+    assert run(deck, tmp_path, "--shard", "1/1")[0] == 0  # a part fits
+    code, said = run(deck, tmp_path, "--merge")
+    assert code == 3 and "needs at least" in said and not (tmp_path / "plane").exists()
+    assert len(shards_in(tmp_path / "plane.shards" / "map_plane")) == SHARDS
+
+
 def test_shards_of_another_deck_are_missing_to_a_merge(deck, expected, tmp_path):
     code, said = run(deck, tmp_path, "--shard", "1/40", "--set", "map.y_to=9.5")
     assert code == 0, said

@@ -128,7 +128,7 @@ def run(decks: Decks,
         raise typer.Exit(BAD_INPUT)
     if merge:
         raise typer.Exit(_each(decks, setting, lambda deck, progress: merge_of(
-            deck, out, threads, force, progress, figures.value)))
+            deck, out, threads, force, progress, figures.value), whole=False))
     if shard is not None:
         part, parts = _part(shard)
         raise typer.Exit(_each(decks, setting, lambda deck, progress: part_of(
