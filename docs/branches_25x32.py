@@ -33,9 +33,11 @@ def diagram():
 def main():
     """Print, store, draw."""
     found = diagram()
-    print(f"{found.attrs['motions']} motions at {SEEDS} torques: {found.attrs['engaged']} engaged "
-          f"throughout, {found.attrs['aperiodic']} without a period, {found.attrs['failed']} "
-          f"failed; {found.attrs['lost']} that no branch begins with")
+    count = {name: int(found[f"seed_{name}"].sum())
+             for name in ("motions", "engaged", "aperiodic", "failed")}
+    print(f"{count['motions']} motions at {SEEDS} torques: {count['engaged']} engaged throughout, "
+          f"{count['aperiodic']} without a period, {count['failed']} failed; "
+          f"{found.attrs['lost']} that no branch begins with")
     print("stable from          to                   period  begins with       ends with")
     for k in np.argsort(found["range_high"].values):
         low, high = (float(found[f"range_{end}"][k]) for end in ("low", "high"))

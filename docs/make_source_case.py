@@ -9,9 +9,11 @@ import textwrap
 from pathlib import Path
 
 import numpy as np
-from make_gallery import shrunk
+import xarray as xr
+from make_gallery import DPI, shrunk
 
-from lapwing.base.codes import SearchStage
+from lapwing.base.codes import BranchOutcome, SearchStage, SpecialPoint
+from lapwing.plots import style
 from lapwing.plots.critical_marks import label_of
 from lapwing.report.critical import decimals
 from lapwing.results import read_results
@@ -86,10 +88,56 @@ def of_sweep(sweep):
     # A step of the staircase has some width; single points are coincidences of the threshold.
     steps = [f"{n} from {torques[count == n].min():g}" for n in range(4, 20)
              if np.sum(count == n) > 4]
+    resolved = rest["impacts"].mean("recorded_cycle").values
     up = sweep.sel(start="up").sel(brake_torque=12.0, method="nearest")
-    return {"abs.staircase": ", ".join(steps), "abs.sweep.1.78": point(sweep, 1.78),
+    return {"abs.staircase": ", ".join(steps), **of_steps(torques, count, resolved),
+            "abs.sweep.1.78": point(sweep, 1.78),
             "abs.sweep.2": point(sweep, 2.0),
             "depth.up": f"{1e6 * float(up['deepest_separation'].max()):.0f}"}
+
+
+def of_steps(torques, count, resolved):
+    """First torques at which the counted impacts alone, and at which all impacts are one more."""
+    wide = [n for n in range(4, 20) if np.sum(count == n) > 4]
+    alone = [torques[count == n].min() for n in wide[1:]
+             if np.any((count == n - 1) & (resolved == n) & (torques < torques[count == n].min()))]
+    motion = [torques[resolved == n].min() for n in range(5, 20) if np.sum(resolved == n) > 4]
+    return {"abs.staircase.counted": listed([f"{torque:g}" for torque in alone]),
+            "abs.staircase.motion": listed([f"{torque:g}" for torque in motion])}
+
+
+def of_branches(diagram):
+    """Stable ranges of the motions that rattle above T_full, and what ends the last of them."""
+    low, high = (diagram[f"range_{end}"].values for end in ("low", "high"))
+    merged = []
+    for k in np.argsort(low):
+        if merged and low[k] <= merged[-1][1] + 1e-9:
+            merged[-1][1] = max(merged[-1][1], high[k])
+        else:
+            merged.append([low[k], high[k]])
+    last = int(np.argmax(high))
+    kind = SpecialPoint(int(diagram["range_high_kind"][last]))
+    torque = diagram["seed_value"].values
+    rattling = torque[(diagram["seed_engaged"] < diagram["seed_motions"]).values]
+    if not low[last] <= rattling.max() <= high[last]:
+        raise SystemExit("the last torque with rattling lies off the last stable range")
+    before = rattling[rattling < low[last]].max()
+    hole = torque[(torque > before) & (torque < rattling[rattling > before].min())]
+    words = {SpecialPoint.FOLD: "a fold", SpecialPoint.REBOUND: "a rebound that passes zero",
+             SpecialPoint.PERIOD_DOUBLING: "a period doubling"}
+    kinds = diagram["special_kind"].values
+    stops = (diagram["special_outcome"].values == BranchOutcome.ENDS) & ~np.isin(
+        kinds, (SpecialPoint.LIMIT, SpecialPoint.PERIOD_DOUBLING, SpecialPoint.CLOSED))
+    return {"branches.ends": f"{stops.sum()}",
+            "branches.rebounds": f"{np.sum(kinds[stops] == SpecialPoint.REBOUND)}",
+            "branches.ranges": listed([f"{a:.5f} to {b:.5f}" for a, b in merged]),
+            "branches.end": f"{high[last]:.10f}",
+            "branches.end.kind": words.get(kind, kind.name.lower().replace("_", " ")),
+            "branches.motions": f"{int(diagram['seed_motions'].sum()):,}",
+            "branches.seeds": f"{len(torque)}", "branches.low": f"{torque[0]:g}",
+            "branches.high": f"{torque[-1]:g}", "branches.hole.from": f"{hole[0]:g}",
+            "branches.hole.to": f"{hole[-1]:g}", "branches.dies.low": f"{before:g}",
+            "branches.dies.high": f"{hole[0]:g}"}
 
 
 def of_searches(results):
@@ -127,6 +175,8 @@ def short(results, name):
 def values():
     """Everything the template asks for."""
     found = {}
+    with xr.open_dataset(RESULTS / "branches_25x32.nc") as diagram:
+        found |= of_branches(diagram)
     with read_results(RESULTS / "lapping_25x32" / "result.nc") as results:
         found |= of_responses("abs", results) | of_sweep(results.sweep("torque"))
     with read_results(RESULTS / "lapping_25x32_relative" / "result.nc") as results:
@@ -152,6 +202,17 @@ def wrapped(text):
     return "\n\n".join(blocks) + "\n"
 
 
+def draw_branches(target):
+    """The bifurcation diagram, for a page."""
+    before, style.DPI = style.DPI, DPI
+    try:
+        with xr.open_dataset(RESULTS / "branches_25x32.nc") as diagram:
+            style.save(diagram.load().lapwing.bifurcation(
+                title="25 × 32 teeth: motions that repeat and rattle above T_full"), target)
+    finally:
+        style.DPI = before
+
+
 def main():
     """Fill the template; a name it does not find stops everything."""
     found = values()
@@ -162,6 +223,7 @@ def main():
         deck, _, stem = source.partition("/")
         shrunk(stem, RESULTS / deck / "result.nc",
                DOCS / "images" / "source_case" / f"{name}.png")
+    draw_branches(DOCS / "images" / "source_case" / "branches.png")
 
 
 if __name__ == "__main__":

@@ -53,8 +53,11 @@ def test_what_an_end_means(upper):
 
 def test_no_motion_of_the_seeds_is_missed(upper):
     """Each periodic motion lies on a branch, and none has two of the same."""
-    assert upper.attrs["lost"] == 0 and upper.attrs["failed"] == 0
-    assert upper.attrs["engaged"] + upper.attrs["aperiodic"] < upper.attrs["motions"]
+    assert upper.attrs["lost"] == 0 and not upper["seed_failed"].any()
+    # From rest, carried both ways, and 1 + 2·2·2·1 starts of the grid.
+    assert upper["seed_motions"].values.tolist() == [12] * 6
+    assert np.all(upper["seed_engaged"] + upper["seed_aperiodic"] <= upper["seed_motions"])
+    assert np.any(upper["seed_engaged"] + upper["seed_aperiodic"] < upper["seed_motions"])
     orbit = lapwing.find_orbit(scene_a(5.5), settle=200)
     found = branch(orbit, "brake_torque", low=5.4, high=5.6)
     other = lapwing.find_orbit(scene_a(5.57), orbit.state)
@@ -82,7 +85,8 @@ def test_the_table_is_stored_and_drawn(upper, tmp_path):
 
 def test_a_range_without_rattling_is_said_so():
     empty = lapwing.branches(PAIR, SHIPPED, low=13.0, high=13.5, seeds=2, settle=50, **SCENE_A)
-    assert empty.sizes["point"] == 0 and empty.attrs["engaged"] == empty.attrs["motions"] == 6
+    assert empty.sizes["point"] == 0
+    assert empty["seed_engaged"].values.tolist() == empty["seed_motions"].values.tolist() == [3, 3]
     words = [text.get_text() for axis in lapwing.plots.figure_of("bifurcation", empty).axes
              for text in axis.texts]
     assert "no periodic motion with events was found" in words

@@ -7,11 +7,13 @@ from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base import quantities
 from lapwing.studies.branch.motion.layout import Happening
 from lapwing.studies.branch.motion.witness import states_at
 from lapwing.studies.branch.run import Branch
+from lapwing.studies.branch.seeds import Found
 from lapwing.studies.branch.special import Kind, Point
 
 if TYPE_CHECKING:
@@ -22,10 +24,12 @@ if TYPE_CHECKING:
 VALUES = {"value": "of each point", "special_value": "of each special point",
           "special_error": "by how much that of a special point may be off",
           "range_low": "lower end of each stable range",
-          "range_high": "upper end of each stable range"}
+          "range_high": "upper end of each stable range",
+          "seed_value": "at which motions were looked at"}
 
 
-def table(found: Sequence[Branch], parameter: str, low: float, high: float) -> xr.Dataset:
+def table(found: Sequence[Branch], parameter: str, low: float, high: float,
+          values: NDArray[Any], looked: Found) -> xr.Dataset:
     """A bifurcation diagram.
 
     Parameters
@@ -33,6 +37,8 @@ def table(found: Sequence[Branch], parameter: str, low: float, high: float) -> x
     found : sequence of Branch, numbered from 1
     parameter : str, its name
     low, high : float, range
+    values : array (n,), at which motions were looked at
+    looked : Found, what they were
 
     Returns
     -------
@@ -42,6 +48,8 @@ def table(found: Sequence[Branch], parameter: str, low: float, high: float) -> x
         `strobe`: strobe_point, phi and phi_dot at phase 0 of each mesh cycle of a point;
         `special`: special_value, its error, branch, kind, outcome, flank, phase, φ at phase 0;
         `stable_range`: range_low and range_high, the kind of special point at either end, branch.
+        `seed`: seed_value, and of the motions looked at there how many in all (seed_motions), in
+        contact throughout (seed_engaged), without a period (seed_aperiodic), failed (seed_failed).
         Kinds and outcomes are `branch.Kind` and `branch.Outcome`.
     """
     import xarray as xr
@@ -80,6 +88,9 @@ def table(found: Sequence[Branch], parameter: str, low: float, high: float) -> x
              for i, (name, kind) in enumerate((
                  ("branch", int), ("low", float), ("high", float), ("low_kind", np.int8),
                  ("high_kind", np.int8), ("cycles", int)))}
+    data |= {f"seed_{name}": ("seed", getattr(looked, name))
+             for name in ("motions", "engaged", "aperiodic", "failed")}
+    data["seed_value"] = ("seed", values)
     table = xr.Dataset(data, attrs={"parameter": parameter, "low": low, "high": high})
     known = quantities.parameter(parameter)
     for name, words in VALUES.items():

@@ -85,10 +85,8 @@ def branches(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_t
                 lost += 1
         if progress is not None:
             progress((count + 1) / len(looked.seeds))
-    return table(found, parameter, low, high).assign_attrs(
-        seeds=numbers["seeds"], settle=numbers["settle"], doublings=numbers["doublings"],
-        motions=looked.motions, engaged=looked.engaged, aperiodic=looked.aperiodic,
-        failed=looked.failed, lost=lost)
+    return table(found, parameter, low, high, values, looked).assign_attrs(
+        settle=numbers["settle"], doublings=numbers["doublings"], lost=lost)
 
 
 def _checked(pair: Any, te: Any, parameter: Any, low: Any, high: Any, starts: Any, progress: Any,

@@ -43,15 +43,15 @@ class Found:
     Attributes
     ----------
     seeds : list of Seed
-    motions, engaged, aperiodic, failed : int; all, in contact throughout, without a period up to 24
-        mesh cycles, runs that failed numerically
+    motions, engaged, aperiodic, failed : int arrays (n,), at each value: all, in contact
+        throughout, without a period up to 24 mesh cycles, runs that failed numerically
     """
 
     seeds: list[Seed]
-    motions: int
-    engaged: int
-    aperiodic: int
-    failed: int
+    motions: NDArray[Any]
+    engaged: NDArray[Any]
+    aperiodic: NDArray[Any]
+    failed: NDArray[Any]
 
 
 def find(pair: GearPair, te: TransmissionError, parameter: str, values: NDArray[Any],
@@ -62,25 +62,26 @@ def find(pair: GearPair, te: TransmissionError, parameter: str, values: NDArray[
     `settle` mesh cycles before its motion is looked at.
     """
     seeds: list[Seed] = []
-    counts = np.zeros(4, dtype=int)
-    for value, table, period, status in _looked_at(pair, te, parameter, values, operation, grid,
-                                                   settle):
+    counts = np.zeros((4, len(values)), dtype=np.int64)
+    for j, table, period, status in _looked_at(pair, te, parameter, values, operation, grid,
+                                               settle):
         happened = any(np.any(table[name] > 0) for name in ARRIVALS)
         kind = 3 if status != Status.OK else 1 if not happened else 2 if not period else 0
-        counts[0] += 1
+        counts[0, j] += 1
         if kind:
-            counts[kind] += 1
+            counts[kind, j] += 1
             continue
         last = table[-1]
         state = MotionState(int(last["motion_state"]))
-        seeds.append(Seed(value, (state, float(last["phi"]), float(last["phi_dot"])), period))
-    return Found(seeds, *(int(count) for count in counts))
+        seeds.append(Seed(float(values[j]), (state, float(last["phi"]), float(last["phi_dot"])),
+                          period))
+    return Found(seeds, *counts)
 
 
 def _looked_at(pair: GearPair, te: TransmissionError, parameter: str, values: NDArray[Any],
                operation: Mapping[str, Any], grid: StartGrid | None,
-               settle: int) -> Iterator[tuple[float, NDArray[Any], int, int]]:
-    """Value, table of its recorded cycles, period and status of each motion."""
+               settle: int) -> Iterator[tuple[int, NDArray[Any], int, int]]:
+    """Number of the value, table of its recorded cycles, period and status of each motion."""
     names = ("motion_state", "phi", "phi_dot", *ARRIVALS)
     swept = sweep(pair, te, parameter=parameter, values=values, starts=("rest", "up", "down"),
                   settle=settle, record=RECORD, observe=("cycles",), **operation)
@@ -88,11 +89,11 @@ def _looked_at(pair: GearPair, te: TransmissionError, parameter: str, values: ND
         table = np.zeros(RECORD, dtype=[(name, float) for name in names])
         for name in names:
             table[name] = swept[name].values[i, j]
-        yield (float(values[j]), table, int(np.nan_to_num(swept["period"].values[i, j])),
+        yield (j, table, int(np.nan_to_num(swept["period"].values[i, j])),
                int(swept["status"].values[i, j]))
     if grid is None:
         return
-    for value in values:
+    for j, value in enumerate(values):
         osc = oscillator_at(pair, te, parameter, float(value), operation)
         starts = start_grid(osc, grid)
         found = engine.sweep(
@@ -100,5 +101,5 @@ def _looked_at(pair: GearPair, te: TransmissionError, parameter: str, values: ND
             numerics=Numerics(rtol=1e-8), wanted=Wanted(cycles=True, strobe=True), settle=settle,
             record=RECORD, log_room=1, threads=default_threads())
         for table, outcome in zip(found.cycles, found.outcome, strict=True):
-            yield (float(value), table, int(np.nan_to_num(outcome["period"])),
+            yield (j, table, int(np.nan_to_num(outcome["period"])),
                    int(outcome["status"]))
