@@ -88,7 +88,8 @@ def test_figures_are_drawn_in_the_formats_asked_for(tmp_path):
         assert result.exit_code == OK, result.output
         names = {path.name for path in (out / "small").iterdir()}
         assert {"result.nc", "summary.md", "used.nml", "manifest.json"} <= names
-        return "reused" in result.output, {name[-3:] for name in names if name.startswith("te_")}
+        return "reused" in result.output, {name[-3:] for name in names
+                                              if name.startswith("history_")}
 
     assert formats("--figures", "none") == (False, set())
     before = (out / "small" / "result.nc").read_bytes()
@@ -97,7 +98,7 @@ def test_figures_are_drawn_in_the_formats_asked_for(tmp_path):
     assert formats("--figures", "all") == (False, {"png", "pdf"})
     assert formats() == formats("--figures", "none") == (True, {"png", "pdf"})
     # What was drawn once is kept up with the rest.
-    (out / "small" / "te_curve.pdf").unlink()
+    (out / "small" / "history_one.pdf").unlink()
     assert formats() == (False, {"png", "pdf"})
     assert (out / "small" / "result.nc").read_bytes() == before
     assert call("run", deck, "--out", out, "--figures", "svg").exit_code == BAD_INPUT
