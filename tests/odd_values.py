@@ -130,9 +130,10 @@ CASES = {
     "GearPair.force": (PAIR.force, {"brake_torque": 1.0, "drive_torque": 1.0}),
     "GearPair.mesh_frequency": (PAIR.mesh_frequency, {
         "pinion_speed_rpm": 300, "pinion_speed_rad_s": None, "mesh_frequency_hz": None}),
-    "GearPair.oscillator": (PAIR.oscillator, {"te": TE, **OPERATION, "degrees_of_freedom": 1}),
+    "GearPair.oscillator": (PAIR.oscillator, {"te": TE, "te_scale": 1.1, **OPERATION,
+                                                 "degrees_of_freedom": 1}),
     "Oscillator": (lw.Oscillator, {
-        "te": TE, "force": 1e-4, "mesh_frequency_ratio": 0.5, "gear_ratio": 1.28,
+        "te": TE, "te_scale": 1.1, "force": 1e-4, "mesh_frequency_ratio": 0.5, "gear_ratio": 1.28,
         "damping_ratio": 0.07, "restitution": 0.8, "backlash": 2e-3,
         "contact_law": "restitution", "impact_law": "relative", "gap": "one_sided",
         "back_flank_te": True, "te_sign": "printed", "scales": None, "load": None,
