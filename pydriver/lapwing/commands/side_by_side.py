@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from lapwing.base import estimates, exit_codes, signals
 from lapwing.base.exit_codes import ExitCode
-from lapwing.commands.decks import studies_in_words
+from lapwing.commands.decks import run_of, studies_in_words
 from lapwing.console import complain
 
 if TYPE_CHECKING:
@@ -105,6 +105,11 @@ def run_side_by_side(decks: Sequence[Deck], threads: int, options: dict[str, Any
     threads : int, for all of them together
     options : what `commands.decks.run_of` takes besides a deck and its progress
     """
+    if len(decks) == 1:  # the others were refused
+        from lapwing.progress import begun
+
+        deck = decks[0]
+        return run_of(deck, progress=begun(deck.title, studies_in_words(deck)), **options)
     return _Batch(decks, threads, options).carry_out()
 
 
