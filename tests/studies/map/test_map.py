@@ -1,5 +1,7 @@
 """Maps: the numbers of sweeps, whatever the cut, and nothing lost between processes."""
 
+import errno
+import os
 import subprocess
 import sys
 import time
@@ -13,6 +15,7 @@ import lapwing
 from helpers import ROOT, dataset_bytes
 from lapwing import Numerics, Status, TransmissionError, engine, parameter_map, sweep
 from lapwing.engine import Wanted
+from lapwing.results import shards as stored
 from lapwing.results.shards import Shard, discard_shards, read_shard, shard_path, shards_in
 from lapwing.studies.map import shards
 from lapwing.studies.map.run import Found, job_of
@@ -357,3 +360,67 @@ def test_refusals(change, said):
 def test_read_shard_tells_nothing_of_what_is_not_there(tmp_path):
     assert read_shard(tmp_path, 0, {}) == (None, "")
     assert shards_in(tmp_path / "nowhere") == []
+
+
+@pytest.mark.parametrize("given", [[1.0, 3.0, 1.0, 9.0, 3.0], [9.0, 1.0, 3.0]],
+                         ids=["repeated", "unsorted"])
+@pytest.mark.parametrize("start", ["rest", "up"])
+def test_values_are_taken_once_and_in_order(given, start):
+    expected = mapped({"pinion_speed_rpm": [1500.0], "brake_torque": [1.0, 3.0, 9.0]}, start=start)
+    found = mapped({"pinion_speed_rpm": [1500.0], "brake_torque": given}, start=start)
+    assert found["status"].shape == (1, 3) and dataset_bytes(found) == dataset_bytes(expected)
+
+
+def test_axes_of_no_value_are_refused_and_of_one_are_not(tmp_path):
+    with pytest.raises(ValueError, match="brake_torque"):
+        mapped({"pinion_speed_rpm": [1500.0], "brake_torque": []})
+    found = mapped({"pinion_speed_rpm": [1500.0], "brake_torque": [3.0]}, folder=tmp_path)
+    assert found["status"].shape == (1, 1) and not found["status"].any()
+    assert shards_in(tmp_path) == [0]
+
+
+def test_a_shard_of_another_form_is_not_taken(tmp_path, monkeypatch):
+    monkeypatch.setattr(stored, "SHARD_FORMAT", stored.SHARD_FORMAT + 1)
+    expected = dataset_bytes(mapped(shard_runs=9, folder=tmp_path))
+    monkeypatch.undo()
+    notes = []
+    assert dataset_bytes(mapped(shard_runs=9, folder=tmp_path, notes=notes.append)) == expected
+    assert len(notes) == 4 and all("is of another version" in note for note in notes)
+
+
+@pytest.mark.parametrize("years", [-50, 50])
+def test_no_clock_decides_anything(years, tmp_path, monkeypatch):
+    """Whatever the time of day was when a shard was written, and is now."""
+    mapped(shard_runs=9, folder=tmp_path)
+    then = time.time() + years * 3.156e7
+    for path in tmp_path.iterdir():
+        os.utime(path, (then, then))
+    lying = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    shard_path(tmp_path, 2).unlink()
+    monkeypatch.setattr(time, "time", lambda: then)
+    mapped(shard_runs=9, folder=tmp_path, notes=pytest.fail)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == lying
+
+
+@pytest.mark.parametrize("room", [0, 2])
+@pytest.mark.parametrize("call", ["flush", "store_checksums"])
+def test_a_full_disk_leaves_whole_shards_or_none(room, call, tmp_path, monkeypatch):
+    """The disk takes the description of the study and so many shards."""
+    expected, calls, real = dataset_bytes(mapped(shard_runs=9)), [], getattr(stored, call)
+
+    def refuse(path):
+        if not path.is_dir():
+            calls.append(path)
+        if len(calls) > room + 1:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return real(path)
+
+    monkeypatch.setattr(stored, call, refuse)
+    with pytest.raises(OSError, match="space") as caught:
+        mapped(shard_runs=9, folder=tmp_path, threads=1)
+    assert caught.value.errno == errno.ENOSPC
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        *(f"shard-0000{i}.nc" for i in range(room)), stored.STUDY]
+    monkeypatch.undo()
+    found = mapped(shard_runs=9, folder=tmp_path, notes=pytest.fail)
+    assert dataset_bytes(found) == expected
