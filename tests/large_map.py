@@ -137,12 +137,12 @@ def judge(arguments: argparse.Namespace, out: Path, say=print) -> list[str]:
     problems: list[str] = []
     log, words = out / "log", command(arguments, out)
     job = job_of_deck(arguments)
-    say(f"{job.grid.runs} runs of {job.settle + job.record} mesh cycles in {job.shards} shards; "
-        f"the same by hand: lapwing {' '.join(words)}")
+    say(f"{job.grid.runs} runs of {job.settle + job.record} mesh cycles in {job.cut.shards} "
+        f"shards; the same by hand: lapwing {' '.join(words)}")
     cpu = wall = 0.0
     most, lost = 0, 0
     for turn in range(1, arguments.kills + 2):
-        until = job.shards * turn / (arguments.kills + 1) if turn <= arguments.kills else None
+        until = job.cut.shards * turn / (arguments.kills + 1) if turn <= arguments.kills else None
         run = Run(words, log)
         while run.look():
             if until is not None and len(lines(log, "done")) >= until:
@@ -161,7 +161,7 @@ def judge(arguments: argparse.Namespace, out: Path, say=print) -> list[str]:
             f"of all processes together at most {run.most / 1e6:.0f} MB, each at most "
             + ", ".join(f"{peak / 1e6:.0f}" for peak in sorted(run.peaks.values())[::-1][:5]))
         cpu, wall, most = cpu + seconds, wall + run.wall, max(most, run.most)
-    if sorted(map(int, done)) != list(range(job.shards)):
+    if sorted(map(int, done)) != list(range(job.cut.shards)):
         problems.append("shards were finished twice, or never")
     if most > ALLOWED:
         problems.append(f"{most / 1e6:.0f} MB of memory")
@@ -201,10 +201,10 @@ def compared(job, path: Path, samples: int, say=print) -> list[str]:
                                "states_visited", "deepest_separation",
                                "deepest_back_penetration", "fastest_arrival")}
     wrong = []
-    chosen = random.Random(1).sample(range(job.shards), min(samples, job.shards))
+    chosen = random.Random(1).sample(range(job.cut.shards), min(samples, job.cut.shards))
     for index in chosen:
-        first, stop = job.place(index)
-        for name, values in carried_out(job, index).items():
+        first, stop = job.cut.place(index)
+        for name, values in carried_out(job, index).data.items():
             if stored[name][first:stop].tobytes() != values.tobytes():
                 wrong.append(f"shard {index}: {name} differs")
     unfinished = int(np.count_nonzero(stored["status"]))

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import hashlib
+import json
 import os
 import re
 import threading
@@ -22,7 +24,7 @@ from numpy.typing import NDArray
 
 from lapwing.base.quantities import DESCRIPTIONS
 from lapwing.base.signals import held
-from lapwing.results.checksums import DamagedFile, store_checksums, verify_file
+from lapwing.results.checksums import CHECKSUMS, DamagedFile, store_checksums, verify_file
 from lapwing.results.file import engine_digest, provenance
 from lapwing.results.schema import plain_text
 from lapwing.results.store import flush, os_errors
@@ -35,7 +37,7 @@ ASIDE = re.compile(r"\.(shard-\d{5,}|study)\.nc\.\d+\.\d+\.tmp$")
 STUDY = "study.nc"
 # The deck, and the marks of the processes at work.
 BESIDE = re.compile(r"(used\.nml|\.used\.nml\.\d+\.tmp|\.part-\d+-of-\d+\.lock)$")
-SHARD_FORMAT = 2
+SHARD_FORMAT = 3
 # Runs beyond which compression saves more than the index of compressed pieces takes.
 COMPRESS_ABOVE = 2048
 # The netCDF library is not made for several threads at a time.
@@ -48,7 +50,7 @@ def shard_path(folder: Path, index: int) -> Path:
 
 
 def write_shard(folder: Path, index: int, data: Mapping[str, NDArray[Any]],
-                told: Mapping[str, Any]) -> None:
+                told: Mapping[str, Any], handed: tuple[float, ...] | None = None) -> str:
     """Publish one shard.
 
     Parameters
@@ -58,6 +60,12 @@ def write_shard(folder: Path, index: int, data: Mapping[str, NDArray[Any]],
     data : name -> array (runs,)
     told : attributes: `inputs`, the hash of all values that the numbers follow from, and the place
         in the study
+    handed : numbers that the next shard of a chain goes on from, or None
+
+    Returns
+    -------
+    str
+        `Shard.digest`
 
     Raises
     ------
@@ -72,7 +80,9 @@ def write_shard(folder: Path, index: int, data: Mapping[str, NDArray[Any]],
                 if len(values) > COMPRESS_ABOVE else {"contiguous": True}
             _put(file, name, "run", values, **packed)
 
-    _publish(folder, shard_path(folder, index).name, {"index": index, **told}, fill)
+    handing = {} if handed is None else {"handed": np.array(handed, dtype=float)}
+    return _publish(folder, shard_path(folder, index).name, {"index": index, **told, **handing},
+                    fill)
 
 
 def write_study(folder: Path, axes: Mapping[str, NDArray[Any]], told: Mapping[str, Any]) -> None:
@@ -142,8 +152,8 @@ def _put(file: netCDF4.Dataset, name: str, dimension: str, values: NDArray[Any],
 
 
 def _publish(folder: Path, name: str, told: Mapping[str, Any],
-             fill: Callable[[netCDF4.Dataset], None]) -> None:
-    """Write a file aside, flush it, and let it take its place."""
+             fill: Callable[[netCDF4.Dataset], None]) -> str:
+    """Write a file aside, flush it, and let it take its place; returns `Shard.digest` of it."""
     import netCDF4
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -155,19 +165,34 @@ def _publish(folder: Path, name: str, told: Mapping[str, Any],
             with netCDF4.Dataset(aside, "w") as file:
                 file.setncatts({key: plain_text(value) for key, value in attributes.items()})
                 fill(file)
-            store_checksums(aside)
+            found = store_checksums(aside)
             flush(aside)
             os.replace(aside, folder / name)
             flush(folder)
         finally:
             aside.unlink(missing_ok=True)
+    return _digest(json.dumps(found, sort_keys=True))
+
+
+def _digest(listed: str) -> str:
+    return hashlib.sha256(listed.encode()).hexdigest()
 
 
 class Shard(NamedTuple):
-    """The numbers of a shard, name -> array (runs,), and the processor they are from."""
+    """What is in a shard.
+
+    Attributes
+    ----------
+    data : name -> array (runs,)
+    cpu : str, the processor that they are from
+    digest : str, SHA-256 (hex) of its checksums, by which the next one of a chain names it
+    handed : what the next one goes on from, or None
+    """
 
     data: dict[str, NDArray[Any]]
     cpu: str
+    digest: str = ""
+    handed: tuple[float, ...] | None = None
 
 
 def read_shard(folder: Path, index: int, told: Mapping[str, Any],
@@ -199,7 +224,10 @@ def read_shard(folder: Path, index: int, told: Mapping[str, Any],
                     if found is None or str(found) != str(value):
                         return None, f"is of another {_WORDS.get(name, name)}"
                 return Shard({name: np.array(variable[...])
-                              for name, variable in file.variables.items()}, str(file.cpu)), ""
+                              for name, variable in file.variables.items()}, str(file.cpu),
+                             _digest(file.getncattr(CHECKSUMS)),
+                             tuple(map(float, file.getncattr("handed")))
+                             if "handed" in file.ncattrs() else None), ""
         except DamagedFile as error:
             return None, str(error).removeprefix(f"{path} ")
         except (OSError, RuntimeError, ValueError) as error:
@@ -225,7 +253,7 @@ def read_status(folder: Path, index: int, told: Mapping[str, Any]) -> NDArray[An
 
 
 _WORDS = {"inputs": "study", "engine_sha256": "build of the engine", "first": "place",
-          "stop": "place", "shard_format": "version"}
+          "stop": "place", "shard_format": "version", "predecessor": "chain"}
 
 
 def shards_in(folder: Path) -> list[int]:

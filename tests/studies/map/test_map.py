@@ -1,5 +1,6 @@
 """Maps: the numbers of sweeps, whatever the cut, and nothing lost between processes."""
 
+import contextlib
 import errno
 import os
 import subprocess
@@ -18,8 +19,9 @@ from lapwing.engine import Wanted
 from lapwing.results import shards as stored
 from lapwing.results.shards import Shard, discard_shards, read_shard, shard_path, shards_in
 from lapwing.studies.map import shards
+from lapwing.studies.map.cut import Cut, shard_size
 from lapwing.studies.map.run import Found, job_of
-from lapwing.studies.map.shards import KEPT, carried_out, shard_size
+from lapwing.studies.map.shards import KEPT, carried_out
 from lapwing_bench.scenes import PAIR
 
 TE = TransmissionError.harmonic([17e-6, 4.5e-6, 1.5e-6], [0.0, 1.0, 2.0], [1, 2, 3])
@@ -104,7 +106,7 @@ def test_other_axes_and_more_than_two(every_bounce):
                           one["deepest_separation"].max("recorded_cycle").values[0])
 
 
-@pytest.mark.parametrize("start", ["rest", "down"])
+@pytest.mark.parametrize("start", ["rest", "up", "down"])
 def test_no_number_depends_on_the_cut(start, tmp_path):
     expected = numbers_of(mapped(start=start, threads=1))
     for size, threads, folder in ((1, 2, None), (5, 2, tmp_path / "a"), (33, 1, tmp_path / "b"),
@@ -286,7 +288,75 @@ def test_the_cut_follows_from_the_map_alone():
     assert shard_size(100_000, 500, 1, None) == 1_563
     assert shard_size(100, 10**9, 1, None) == 1
     assert shard_size(1_000_000, 500, 1000, None) == 8_000
-    assert shard_size(30, 500, 10, 7) == 10 and shard_size(30, 500, 1, 99) == 30
+    assert shard_size(30, 500, 10, 17) == 20 and shard_size(30, 500, 1, 99) == 30
+    # Of a long line a part, but not for threads alone.
+    assert shard_size(30, 500, 10, 7) == 7 and shard_size(30, 500, 10, None) == 10
+    assert shard_size(30_000, 500, 10_000, None) == 8_000
+
+
+@pytest.mark.parametrize("start", ["rest", "up", "down"])
+@pytest.mark.parametrize("size", [1, 3, 5, 10, 30])
+def test_every_run_is_in_the_shard_that_says_so(start, size):
+    cut = Cut(30, size, 10, start)
+    found = np.full(30, -1)
+    for index in range(cut.shards):
+        first, stop = cut.place(index)
+        assert np.all(found[first:stop] == -1)
+        found[first:stop] = index
+        before = cut.before(index)
+        if before is not None:
+            ends = cut.place(before)
+            assert (ends[1] == first) if start == "up" else (ends[0] == stop)
+            assert first // 10 == ends[0] // 10
+    assert np.array_equal(found, cut.shard_of(np.arange(30)))
+    assert sorted(index for chain in range(cut.chains) for index in cut.chain(chain)) \
+        == list(range(cut.shards))
+    assert (cut.links > 1) == (start != "rest" and size < 10)
+
+
+@pytest.mark.parametrize("start", ["up", "down"])
+@pytest.mark.parametrize("spawned", [False, True])
+def test_a_chain_goes_on_from_what_it_was_handed(start, spawned, tmp_path):
+    """A shard in the middle is lost, another is changed: the same numbers, and nothing for nothing.
+
+    The coast-flank runs in between fail: the next value begins at rest, as in one line.
+    """
+    options = {"start": start, "line": "brake_torque", "shard_runs": 3, "folder": tmp_path,
+               "numerics": Numerics(max_events_per_cycle=60)}
+    expected = mapped(start=start, line="brake_torque", numerics=options["numerics"])
+    assert 0 < np.count_nonzero(expected["status"]) < expected["status"].size
+    assert numbers_of(mapped(**options)) == numbers_of(expected)
+    assert shards_in(tmp_path) == list(range(12))
+    lying = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    shard_path(tmp_path, 5).unlink()
+    _cut(shard_path(tmp_path, 9))
+    notes, made = [], {path.name: path.stat().st_ino for path in tmp_path.iterdir()}
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) if spawned \
+            else contextlib.nullcontext() as pool:
+        found = mapped(**options, notes=notes.append, executor=pool)
+    assert numbers_of(found) == numbers_of(expected)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == lying
+    assert {path.name for path in tmp_path.iterdir() if path.stat().st_ino
+            != made.get(path.name)} == {"shard-00005.nc", "shard-00009.nc"}
+    assert len(notes) == 1 and notes[0].startswith("shard 9 ")
+
+
+def test_a_shard_of_another_chain_is_not_taken(tmp_path):
+    import netCDF4
+
+    from lapwing.results.checksums import store_checksums
+
+    options = {"start": "up", "line": "brake_torque", "shard_runs": 4, "folder": tmp_path}
+    expected = numbers_of(mapped(**options))
+    # As if the forerunner had handed over another state, all else being alike.
+    with netCDF4.Dataset(shard_path(tmp_path, 0), "a") as file:
+        file.setncattr("handed", np.array([-1.0, 0.0, 0.0]))
+    store_checksums(shard_path(tmp_path, 0))
+    notes = []
+    mapped(**options, notes=notes.append)
+    assert notes == [f"shard {i} is of another chain: made again" for i in (1, 2)]
+    discard_shards(tmp_path)
+    assert numbers_of(mapped(**options)) == expected
 
 
 @pytest.mark.parametrize(("start", "most"), [("rest", 4), ("up", 11)])
@@ -325,7 +395,7 @@ def test_what_is_torn_apart_is_not_told_as_known():
 
     job = job_of(PAIR, TE, AXES, line=None, start="rest", settle=1, record=1, phase=0.0,
                  numerics=None, shard_runs=33)
-    data = carried_out(job, 0)
+    data = carried_out(job, 0).data
     for torn in set(KEPT) - {"status"}:
         found = Found(job, print)
         with pytest.raises(KeyboardInterrupt):

@@ -90,3 +90,14 @@ def test_what_lies_there_of_another_study_is_written_anew(tmp_path):
         parameter_map(PAIR, TE, AXES, settle=1, record=record, folder=tmp_path)
         assert open_study(tmp_path).attrs["record"] == record
         assert not np.any(open_study(tmp_path)["status"].values)
+
+
+@pytest.mark.parametrize("start", ["up", "down"])
+def test_chains_are_put_in_place(start, tmp_path):
+    expected = parameter_map(PAIR, TE, AXES, settle=1, record=1, shard_runs=4, start=start,
+                             folder=tmp_path)
+    found = open_study(tmp_path)
+    assert found.attrs["shards"] == expected.attrs["shards"] == 9
+    for name, variable in expected.data_vars.items():
+        assert np.array_equal(found[name].values, variable.values,
+                              equal_nan=variable.dtype == float)

@@ -74,7 +74,8 @@ class MapKeys(StudyKeys):
     record_cycles: int = key(100, "mesh cycles recorded in every run", ge=1, le=100_000)
     shard_runs: int | None = key(
         None, "runs of a shard, the part of the work that is kept at once; left out: some 20 s of "
-        "work, and at least 64 shards; no result depends on it", example=10_000, ge=1,
+        "work, and at least 64 shards; of carried columns whole ones, or a part of one; no result "
+        "depends on it", example=10_000, ge=1,
         le=10_000_000)
     rtol: float | None = key(None, "relative tolerance; left out: that of &numerics, else 1e-6",
                              example=1e-6, ge=1e-13, le=1e-2)

@@ -46,7 +46,7 @@ def dataset_of(plan: Plan, found: Found, interrupted: bool) -> xr.Dataset:
         {name: ("run", values) for name, values in own.items()},
         {name: ("run", values[:runs]) for name, values in cloud.axes.items()}, {
             **{name: value for name, value in job.about.items() if name != "line"},
-            "shards": job.shards,
+            "shards": job.cut.shards,
             "interrupted": int(interrupted), "cpus": "; ".join(sorted(found.cpus)),
             "scrambles": plan.sample.scrambles, "sensitivity_runs": plan.design.runs,
             "sensitivity_runs_lost": int(lost.sum()), **plan.told,

@@ -16,6 +16,7 @@ from lapwing.base.codes import Status
 from lapwing.base.quantities import worded
 from lapwing.results.checksums import DamagedFile
 from lapwing.results.shards import Shard, read_shard, read_study, shard_path, shards_in
+from lapwing.studies.map.cut import Cut
 from lapwing.studies.map.shards import KEPT, RATES, rate_of
 
 if TYPE_CHECKING:
@@ -76,10 +77,12 @@ class _Store:
     """Numbers by run, from whatever shards they lie in."""
 
     def __init__(self, folder: Path, attrs: dict[str, Any], axes: dict[str, NDArray[Any]]) -> None:
-        self.folder, self._size = folder, int(attrs["shard_runs"])
+        self.folder = folder
         self._inputs, self._engine = attrs["inputs"], attrs["engine_sha256"]
-        self.record, self._runs = int(attrs["record"]), math.prod(map(len, axes.values()))
-        self.shards = -(-self._runs // self._size)
+        self.record = int(attrs["record"])
+        self._cut = Cut(math.prod(map(len, axes.values())), int(attrs["shard_runs"]),
+                        len(axes[attrs["line"]]), attrs["start"])
+        self.shards = self._cut.shards
         self._held: OrderedDict[int, Shard] = OrderedDict()
         # How far apart neighbours along each axis are, in runs.
         steps, step = {}, 1
@@ -95,22 +98,21 @@ class _Store:
         found = np.full(runs.shape, np.nan if KEPT[name] is float else 0, dtype=KEPT[name])
         if name == "status":
             found[...] = Status.UNFINISHED
-        of_shard = runs // self._size
+        of_shard = self._cut.shard_of(runs)
         for index in np.unique(of_shard):
             shard = self._shard(int(index))
             if shard is not None:
                 here = of_shard == index
-                found[here] = shard.data[name][runs[here] - index * self._size]
+                found[here] = shard.data[name][runs[here] - self._cut.place(int(index))[0]]
         return found
 
     def _shard(self, index: int) -> Shard | None:
         if index in self._held:
             self._held.move_to_end(index)
             return self._held[index]
-        first = index * self._size
-        shard, why = read_shard(
-            self.folder, index, {"inputs": self._inputs, "first": first,
-                                 "stop": min(first + self._size, self._runs)}, self._engine)
+        first, stop = self._cut.place(index)
+        shard, why = read_shard(self.folder, index, {"inputs": self._inputs, "first": first,
+                                                     "stop": stop}, self._engine)
         if why:
             raise DamagedFile(f"{shard_path(self.folder, index)} {why}")
         if shard is not None:

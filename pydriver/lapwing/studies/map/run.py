@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from itertools import product
@@ -23,6 +24,7 @@ from lapwing.model.gear_pair import GearPair
 from lapwing.model.transmission_error import TransmissionError
 from lapwing.results.provenance import processor
 from lapwing.results.shards import Shard, read_shard, write_shard
+from lapwing.studies.map.cut import shard_size
 from lapwing.studies.map.grid import Grid, fastest_axis
 from lapwing.studies.map.shards import (
     KEPT,
@@ -31,7 +33,6 @@ from lapwing.studies.map.shards import (
     carried_out,
     make_shard,
     rate_of,
-    shard_size,
 )
 from lapwing.studies.sweep.varied import moved_to, oscillator_at, parameters
 
@@ -69,8 +70,9 @@ def parameter_map(pair: GearPair, te: TransmissionError, axes: Mapping[str, Any]
     settle, record : int, mesh cycles before recording (>= 0), and recorded (>= 1)
     phase : float, mesh phase at the start
     numerics : Numerics or None; default: rtol 1e-6
-    shard_runs : int or None, runs of a shard, rounded up to whole lines where motions are carried;
-        default: some 20 s of work, and at least 64 shards. No number depends on it
+    shard_runs : int or None, runs of a shard; where motions are carried these are whole lines, or,
+        of a line that is longer, a chain of shards that go on from each other; default: some 20 s
+        of work, and at least 64 shards, but for chains. No number depends on it
     folder : path or None, where shards are kept while there is work. A map that was stopped goes on
         there: shards of the same values and the same build are read, others made again. They stay
         (`lapwing.results.shards.discard_shards`), and `open_study` opens them
@@ -127,7 +129,7 @@ def carry_out(who: str, job: Job, *, folder: str | Path | None, executor: Execut
     for name, given in (("progress", progress), ("notes", notes)):
         if given is not None:
             arguments.function(name, given)
-    threads = usable_threads(checked_threads(threads), job.shards)
+    threads = usable_threads(checked_threads(threads), job.cut.shards)
     folder = None if folder is None else Path(arguments.path("folder", folder))
     estimates.require(job.grid.runs * estimates.MAP_RUN, who, "the number of runs")
     found = Found(job, notes or (lambda _: None))
@@ -154,7 +156,8 @@ def make_part(job: Job, folder: Path, part: int, parts: int, threads: int,
     int, int, how many shards were made, and how many lay there
     """
     found = _Left(notes or (lambda _: None))
-    indices = range(part - 1, job.shards, parts)
+    indices = [index for chain in range(part - 1, job.cut.chains, parts)
+               for index in job.cut.chain(chain)]
     made = _Work(job, folder, found, progress, indices).carry_out(None, threads)
     return made, len(indices) - made
 
@@ -228,7 +231,7 @@ class Found:
 
     def take(self, index: int, shard: Shard) -> None:
         """Put a shard in its place."""
-        first, stop = self._job.place(index)
+        first, stop = self._job.cut.place(index)
         # The status last: of what Ctrl-C tears apart here nothing is told as known.
         for name, values in sorted(shard.data.items(), key=lambda item: item[0] == "status"):
             self.data[name][first:stop] = values
@@ -252,10 +255,13 @@ class _Work:
                  progress: Callable[[float], object] | None,
                  indices: Iterable[int] | None = None) -> None:
         self.job, self.folder, self.found = job, folder, found
-        self._indices = list(range(job.shards) if indices is None else indices)
+        self._indices = list(range(job.cut.shards) if indices is None else indices)
         self._progress = progress
-        self._parts = np.zeros(job.shards)
+        self._parts = np.zeros(job.cut.shards)
         self._stop = threading.Event()
+        # Of a chain, the shards that others go on from.
+        self._known: dict[int, Shard] = {}
+        self._noted: set[int] = set()
 
     def carry_out(self, executor: Executor | None, threads: int) -> int:
         """Read what lies there, make the rest; returns how many that are."""
@@ -271,12 +277,13 @@ class _Work:
                 ahead = threads
 
                 def submit(index: int) -> Future[Any]:
-                    return pool.submit(self._make, index)
+                    return pool.submit(self._make, index, self._before(index))
             else:
                 ahead, folder = FAR_AHEAD, self.folder or Path()
 
                 def submit(index: int) -> Future[Any]:
-                    return executor.submit(make_shard, self.job, index, folder)
+                    return executor.submit(make_shard, self.job, index, folder,
+                                           self._before(index))
             try:
                 self._hand_out(submit, left, ahead + AHEAD)
             except BaseException:
@@ -287,13 +294,16 @@ class _Work:
     def _hand_out(self, submit: Callable[[int], Future[Any]], left: list[int],
                   most: int) -> None:
         """Keep an executor busy, and take what it has finished."""
-        waiting = iter(left)
+        waiting: deque[int] = deque(left)
         under_way: dict[Future[Any], int] = {}
         while True:
-            for index in waiting:
-                under_way[submit(index)] = index
-                if len(under_way) >= most:
-                    break
+            # Of a chain, those wait aside whose forerunner is not there yet.
+            for _ in range(len(waiting)):
+                index = waiting.popleft()
+                if len(under_way) >= most or not self._may_begin(index):
+                    waiting.append(index)
+                else:
+                    under_way[submit(index)] = index
             if not under_way:
                 return
             try:
@@ -316,31 +326,61 @@ class _Work:
     def _take(self, future: Future[Any], index: int) -> None:
         result = future.result()
         if isinstance(result, Shard):
-            self.found.take(index, result)
+            self._keep(index, result)
         elif not self._read(index):
             raise OSError(f"shard {index} is not in {self.folder}, where a worker says it wrote it")
         self._parts[index] = 1.0
         self._tell()
 
-    def _make(self, index: int) -> Shard:
+    def _make(self, index: int, before: Shard | None) -> Shard:
         """One shard, in a thread of this process."""
-        data = carried_out(self.job, index, lambda part: self._tell(index, part), self._stop)
-        if self.folder is not None:
-            write_shard(self.folder, index, data, self.job.told(index))
-        return Shard(data, processor())
+        told = self.job.told(index, before)
+        if self.folder is not None and before is not None:
+            shard, why = read_shard(self.folder, index, told)
+            if shard is not None:
+                return shard
+            self._note(index, why)
+        made = carried_out(self.job, index, lambda part: self._tell(index, part), self._stop,
+                           before)
+        digest = "" if self.folder is None else write_shard(
+            self.folder, index, made.data, told, made.handed)
+        return Shard(made.data, processor(), digest, made.handed)
+
+    def _before(self, index: int) -> Shard | None:
+        """The shard that one goes on from; of a chain's first there is none."""
+        before = self.job.cut.before(index)
+        return None if before is None else self._known[before]
+
+    def _may_begin(self, index: int) -> bool:
+        """Whether what a shard goes on from is known."""
+        before = self.job.cut.before(index)
+        return before is None or before in self._known
+
+    def _keep(self, index: int, shard: Shard) -> None:
+        """Take the numbers of a shard, and keep what the next one of its chain needs."""
+        self.found.take(index, shard)
+        if shard.handed is not None:
+            self._known[index] = Shard({}, "", shard.digest, shard.handed)
 
     def _read(self, index: int) -> bool:
         """Take a shard that lies in the folder, if it is one of this map."""
         if self.folder is None:
             return False
-        shard, why = read_shard(self.folder, index, self.job.told(index))
+        if not self._may_begin(index):
+            return False  # looked at again when the one before it is there
+        shard, why = read_shard(self.folder, index, self.job.told(index, self._before(index)))
         if shard is None:
-            if why:
-                self.found.notes(f"shard {index} {why}: made again")
+            self._note(index, why)
             return False
-        self.found.take(index, shard)
+        self._keep(index, shard)
         self._parts[index] = 1.0
         return True
+
+    def _note(self, index: int, why: str) -> None:
+        """Say, once, why a shard that lies there is made again."""
+        if why and index not in self._noted:
+            self._noted.add(index)
+            self.found.notes(f"shard {index} {why}: made again")
 
     def _tell(self, index: int | None = None, part: float = 0.0) -> None:
         if index is not None:
@@ -369,7 +409,7 @@ def _dataset(job: Job, found: Found, interrupted: bool) -> xr.Dataset:
     drawn = dict(zip(("x_parameter", "y_parameter"), grid.axes, strict=True)) \
         if len(grid.axes) == 2 else {}
     return worded(xr.Dataset(variables, dict(grid.axes), {
-        **job.about, **drawn, "shards": job.shards, "interrupted": int(interrupted),
+        **job.about, **drawn, "shards": job.cut.shards, "interrupted": int(interrupted),
         "cpus": "; ".join(sorted(found.cpus))})).transpose(*grid.axes)
 
 

@@ -1,8 +1,4 @@
-"""How a map is cut into shards, and one of them carried out.
-
-The cut follows from the map alone, never from a clock or the machine, and no number depends on it:
-a shard is made of whole lines where motions are carried along them.
-"""
+"""One shard of a map carried out. No number depends on how it is cut (`cut`)."""
 
 from __future__ import annotations
 
@@ -15,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,12 +21,12 @@ from lapwing.base.arrivals import arrivals_of
 from lapwing.base.codes import Status
 from lapwing.base.threads import worker_threads
 from lapwing.engine import Numerics, Wanted
-from lapwing.results.shards import read_shard, write_shard, write_study
+from lapwing.results.shards import Shard, read_shard, write_shard, write_study
+from lapwing.studies.map.cut import Cut
 from lapwing.studies.map.grid import Grid
 
-# Mesh cycles of a shard unless the caller says how many runs: some 20 s of one core. A smaller map
-# is cut into so many shards all the same, for as many threads to have work.
-CYCLES, FEWEST = 4_000_000, 64
+# Where a line begins.
+_REST = (engine.REST, 0.0, 0.0)
 # Runs handed to the engine at once, in whole lines: it takes some 10 kB for each line.
 AT_A_TIME = 1024
 # Pieces of a shard for each of several threads, so that none waits long for the last.
@@ -69,20 +65,25 @@ class Job:
     numerics: Numerics
     shard_runs: int
 
+    @cached_property
+    def cut(self) -> Cut:
+        """Which runs are in which shard."""
+        return Cut(self.grid.runs, self.shard_runs, self.grid.length, self.start)
+
     @property
     def shards(self) -> int:
-        """How many there are."""
-        return -(-self.grid.runs // self.shard_runs)
+        """How many shards there are."""
+        return self.cut.shards
 
     def place(self, index: int) -> tuple[int, int]:
         """First run of a shard, and the one behind its last."""
-        first = index * self.shard_runs
-        return first, min(first + self.shard_runs, self.grid.runs)
+        return self.cut.place(index)
 
-    def told(self, index: int) -> dict[str, Any]:
-        """What a shard's file says of itself."""
-        first, stop = self.place(index)
-        return {"inputs": self.identity, "first": first, "stop": stop}
+    def told(self, index: int, before: Shard | None = None) -> dict[str, Any]:
+        """What a shard's file says of itself, given the one that it goes on from."""
+        first, stop = self.cut.place(index)
+        return {"inputs": self.identity, "first": first, "stop": stop,
+                **({"predecessor": before.digest} if before else {})}
 
     @property
     def about(self) -> dict[str, Any]:
@@ -131,16 +132,10 @@ def rate_of(name: str, numbers: Callable[[str], NDArray[Any]], record: int) -> N
     return rate
 
 
-def shard_size(runs: int, cycles: int, length: int, wanted: int | None) -> int:
-    """Runs of a shard: as wanted, or by `CYCLES` and `FEWEST`; whole lines of `length` runs."""
-    size = wanted or max(1, min(CYCLES // max(cycles, 1), math.ceil(runs / FEWEST)))
-    return min(runs, math.ceil(size / length) * length)
-
-
 def carried_out(job: Job, index: int, progress: Callable[[float], None] | None = None,
-                stop: threading.Event | None = None,
-                share_work: Callable[[int], int] = lambda _: 1) -> dict[str, NDArray[Any]]:
-    """The numbers of one shard, `KEPT`.
+                stop: threading.Event | None = None, before: Shard | None = None,
+                share_work: Callable[[int], int] = lambda _: 1) -> Made:
+    """One shard, from the state that the shard before hands over, if any.
 
     Parameters
     ----------
@@ -148,6 +143,7 @@ def carried_out(job: Job, index: int, progress: Callable[[float], None] | None =
     index : int
     progress : callable(fraction done) or None
     stop : set by whoever wants no more of it
+    before : Shard or None, of a chain the one before
     share_work : callable(lines) -> threads that compute it; no number depends on it
 
     Raises
@@ -155,16 +151,17 @@ def carried_out(job: Job, index: int, progress: Callable[[float], None] | None =
     Dropped
         soon after `stop` is set.
     """
-    first, behind = job.place(index)
+    first, behind = job.cut.place(index)
     outcome = np.empty(behind - first, dtype=engine.OUTCOME_TABLE)
-    length = 1 if job.start == "rest" else job.grid.length
+    length = 1 if job.start == "rest" else min(job.grid.length, len(outcome))
     threads = share_work(len(outcome) // length)
     most = AT_A_TIME if threads == 1 else min(AT_A_TIME, len(outcome) / (threads * PIECES))
     size = math.ceil(most / length) * length
+    start = (*(before.handed if before and before.handed else _REST), job.phase)
 
     def fill(begin: int) -> None:
         stop_at = min(begin + size, behind)
-        _move(job, begin, outcome[begin - first:stop_at - first], _told(
+        _move(job, begin, outcome[begin - first:stop_at - first], start, _told(
             progress, stop, (begin - first) / len(outcome), (stop_at - begin) / len(outcome)))
 
     pieces = range(first, behind, size)
@@ -176,22 +173,35 @@ def carried_out(job: Job, index: int, progress: Callable[[float], None] | None =
             for _ in pool.map(fill, pieces):
                 pass
     good = outcome["status"] == Status.OK
-    return {name: np.where(good | (name == "status"), outcome[name], 0 if kind is not float
+    data = {name: np.where(good | (name == "status"), outcome[name], 0 if kind is not float
                            else np.nan).astype(kind) for name, kind in KEPT.items()} \
         | job.grid.known(first, behind, lambda: _told(None, stop, 0.0, 0.0)(0.0))
+    last = outcome[0 if job.start == "down" else -1]
+    handed = tuple(map(float, last[["motion_state", "phi", "phi_dot"]])) \
+        if last["status"] == Status.OK else _REST
+    return Made(data, handed if job.cut.links > 1 else None)
 
 
-def _move(job: Job, first: int, outcome: NDArray[Any], told: Callable[[float], None]) -> None:
-    """Fill the outcome of the runs from `first` on."""
+class Made(NamedTuple):
+    """Numbers of a shard, `KEPT`, and the state (motion state or REST, phi, phi') it hands over."""
+
+    data: dict[str, NDArray[Any]]
+    handed: tuple[float, ...] | None
+
+
+def _move(job: Job, first: int, outcome: NDArray[Any], start: tuple[float, ...],
+          told: Callable[[float], None]) -> None:
+    """Fill the outcome of the runs from `first` on, lines that begin with `start`."""
     points = job.grid.points(first, first + len(outcome))
-    stepped = _stepped(job, points)
+    stepped = _stepped(job, first, points)
     done = 0
     for which in (np.flatnonzero(~stepped), np.flatnonzero(stepped)):
         if not which.size:
             continue
         part = points if which.size == len(points) else points.take(which)
+        lines = _lines(job, which.size)
         result = engine.sweep(
-            part, _lines(job, which.size), _starts(job, which.size), numerics=job.numerics,
+            part, lines, [start] * len(lines), numerics=job.numerics,
             wanted=Wanted(cycles=True, bounces=False), settle=job.settle, record=job.record,
             log_room=1, threads=1, keep_cycles=False,
             progress=_told(told, None, done / len(points), which.size / len(points)))
@@ -199,8 +209,12 @@ def _move(job: Job, first: int, outcome: NDArray[Any], told: Callable[[float], N
         done += which.size
 
 
-def _stepped(job: Job, points: engine.Points) -> NDArray[np.bool_]:
+def _stepped(job: Job, first: int, points: engine.Points) -> NDArray[np.bool_]:
     """Which runs RK4 moves; a carried line whole, where it is needed at one of its values."""
+    if job.start != "rest" and len(points) < job.grid.length:
+        begin = first // job.grid.length * job.grid.length
+        line = job.grid.points(begin, begin + job.grid.length)
+        return np.full(len(points), bool(engine.steps(line, job.numerics).any()))
     stepped = engine.steps(points, job.numerics)
     if job.start == "rest":
         return stepped
@@ -209,16 +223,11 @@ def _stepped(job: Job, points: engine.Points) -> NDArray[np.bool_]:
 
 
 def _lines(job: Job, runs: int) -> list[tuple[int, int, bool]]:
-    length = job.grid.length
     if job.start == "rest":
         return [(i, i, False) for i in range(runs)]
+    length = min(job.grid.length, runs)
     ends = [(first, first + length - 1) for first in range(0, runs, length)]
     return [(*(end if job.start == "up" else reversed(end)), True) for end in ends]
-
-
-def _starts(job: Job, runs: int) -> list[tuple[float, float, float, float]]:
-    lines = runs if job.start == "rest" else runs // job.grid.length
-    return [(engine.REST, 0.0, 0.0, job.phase)] * lines
 
 
 def _told(progress: Callable[[float], object] | None, stop: threading.Event | None, begun: float,
@@ -232,12 +241,13 @@ def _told(progress: Callable[[float], object] | None, stop: threading.Event | No
     return told
 
 
-def make_shard(job: Job, index: int, folder: Path) -> int:
+def make_shard(job: Job, index: int, folder: Path, before: Shard | None = None) -> int:
     """Carry out one shard and publish it, in whatever process; returns its index.
 
     One that lies there already, whole and of this map, is left as it is.
     """
-    if read_shard(folder, index, job.told(index))[0] is None:
-        data = carried_out(job, index, share_work=worker_threads)
-        write_shard(folder, index, data, job.told(index))
+    told = job.told(index, before)
+    if read_shard(folder, index, told)[0] is None:
+        made = carried_out(job, index, before=before, share_work=worker_threads)
+        write_shard(folder, index, made.data, told, made.handed)
     return index
