@@ -38,10 +38,10 @@ DECK = ROOT / "inputs" / "plane_25x32.nml"
 TIMED = '''
 import os, sys, time
 from lapwing.engine import calls
-from lapwing.studies.map import run
+from lapwing.studies.map import work
 
 log = os.open(os.environ["LARGE_MAP_LOG"], os.O_WRONLY | os.O_APPEND | os.O_CREAT)
-api, carried_out, write_shard = calls.api, run.carried_out, run.write_shard
+api, carried_out, write_shard = calls.api, work.carried_out, work.write_shard
 
 class Timed:
     def __getattr__(self, name):
@@ -60,7 +60,7 @@ def finish(folder, index, *rest):
     write_shard(folder, index, *rest)
     os.write(log, b"done %d\\n" % index)
 
-calls.api, run.carried_out, run.write_shard = Timed(), begin, finish
+calls.api, work.carried_out, work.write_shard = Timed(), begin, finish
 from lapwing.__main__ import main
 sys.exit(main())
 '''

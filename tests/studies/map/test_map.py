@@ -20,8 +20,9 @@ from lapwing.results import shards as stored
 from lapwing.results.shards import Shard, discard_shards, read_shard, shard_path, shards_in
 from lapwing.studies.map import shards
 from lapwing.studies.map.cut import Cut, shard_size
-from lapwing.studies.map.run import Found, job_of
+from lapwing.studies.map.run import job_of
 from lapwing.studies.map.shards import KEPT, carried_out
+from lapwing.studies.map.work import Found
 from lapwing_bench.scenes import PAIR
 
 TE = TransmissionError.harmonic([17e-6, 4.5e-6, 1.5e-6], [0.0, 1.0, 2.0], [1, 2, 3])

@@ -16,13 +16,13 @@ from lapwing.studies.ensemble.statistics import (
     quantile,
     rank_correlation,
 )
-from lapwing.studies.map.run import numbers_of
+from lapwing.studies.map.work import numbers_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from lapwing.studies.ensemble.run import Plan
-    from lapwing.studies.map.run import Found
+    from lapwing.studies.map.work import Found
 
 LEVELS = (0.01, 0.05, 0.5, 0.95, 0.99)
 # Numbers of a run whose distribution is told. Of what is seen in a run or not, a 1 or a 0.

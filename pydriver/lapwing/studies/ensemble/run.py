@@ -29,8 +29,8 @@ from lapwing.studies.ensemble.dataset import dataset_of
 from lapwing.studies.ensemble.points import Cloud, drawn, sensitivity_shares, shares_of
 from lapwing.studies.ensemble.statistics import Sample
 from lapwing.studies.map.cut import shard_size
-from lapwing.studies.map.run import carry_out
 from lapwing.studies.map.shards import Job
+from lapwing.studies.map.work import carry_out
 from lapwing.studies.sweep.varied import OF_CURVE, parameters
 
 if TYPE_CHECKING:

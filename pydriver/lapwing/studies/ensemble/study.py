@@ -17,8 +17,8 @@ from lapwing.studies import cost
 from lapwing.studies.again import Again, moved_again
 from lapwing.studies.ensemble.run import ensemble, plan_of
 from lapwing.studies.labels import labels
-from lapwing.studies.map.run import make_part
 from lapwing.studies.map.shards import Job, carried_out
+from lapwing.studies.map.work import make_part
 
 if TYPE_CHECKING:
     import xarray as xr

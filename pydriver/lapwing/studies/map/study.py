@@ -16,8 +16,9 @@ from lapwing.results.findings import endings
 from lapwing.studies import cost
 from lapwing.studies.again import Again, moved_again
 from lapwing.studies.labels import labels
-from lapwing.studies.map.run import job_of, make_part, parameter_map
+from lapwing.studies.map.run import job_of, parameter_map
 from lapwing.studies.map.shards import Job, carried_out
+from lapwing.studies.map.work import make_part
 from lapwing.studies.sweep.varied import oscillator_at
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def job(deck: Deck, study: Asked) -> Job:
 def carry_out_part(deck: Deck, study: Asked, part: int, parts: int, threads: int,
                    done: Callable[[float], None] | None, folder: Path,
                    notes: Callable[[str], None] | None = None) -> tuple[int, int]:
-    """Make each `parts`-th shard of a map, from the `part`-th on; see `run.make_part`."""
+    """Make each `parts`-th shard of a map, from the `part`-th on; see `work.make_part`."""
     return make_part(job(deck, study), folder, part, parts, threads, done, notes)
 
 
