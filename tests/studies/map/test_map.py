@@ -383,7 +383,7 @@ def test_a_shard_that_several_threads_share_is_the_same(start):
         asked.append(lines)
         return 3
 
-    found, expected = carried_out(job, 0, share_work=three), carried_out(job, 0)
+    found, expected = (carried_out(job, 0, **one).data for one in ({"share_work": three}, {}))
     assert asked == [job.grid.runs // (1 if start == "rest" else job.grid.length)]
     assert {name: one.tobytes() for name, one in found.items()} \
         == {name: one.tobytes() for name, one in expected.items()}
