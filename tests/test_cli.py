@@ -107,7 +107,9 @@ def test_figures_are_drawn_in_the_formats_asked_for(tmp_path):
 def test_the_findings_head_summary_and_console(finished):
     deck, out, first = finished
     summary = (out / "small" / "summary.md").read_text(encoding="utf-8")
-    assert summary.splitlines()[2] == "## Findings"
+    _, _, figure, findings = summary.splitlines()[:4]
+    assert figure.startswith("Figure to look at first: [") and findings == "## Findings"
+    assert (out / "small" / re.search(r"\((.*?)\)", figure)[1]).exists()
     said = on_console(findings_in(summary))
     assert "Separation was" in said or "The teeth" in said
     again = call("run", deck, "--out", out)

@@ -181,5 +181,5 @@ def test_sign_of_the_table_and_te_sign_are_one():
     one = simulate(PAIR.oscillator(SHIPPED, **options), cycles=5)
     other = simulate(PAIR.oscillator(negative, te_sign="geometric", **options), cycles=5)
     for name in one.events:
-        assert np.array_equal(one.events[name].values, other.events[name].values)
+        np.testing.assert_array_equal(one.events[name].values, other.events[name].values)
     assert events(one, EventKind.IMPACT)["tau"].size > 10

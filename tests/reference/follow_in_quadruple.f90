@@ -89,7 +89,7 @@ contains
     if (status /= status_ok) write (*, *) "# a status other than 0 follows"
     write (*, "(a, es45.35e4)") "period", system%period
     do i = 1, recorder%sums%n_log
-      write (*, "(a, 2i8, 4es45.35e4)") "event", nint(log(1, i)), nint(log(2, i)), log(3:, i)
+      write (*, "(a, 2i8, 4es45.35e4)") "event", nint(log(1, i)), nint(log(2, i)), log(3:6, i)
     end do
     do i = 1, recorder%sums%n_cycles
       write (*, "(a, 2i8, 3es45.35e4)") "cycle", nint(rows(1, i)), nint(rows(2, i)), rows(3:4, i), &

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -105,12 +106,20 @@ def full_mark(sweep: xr.Dataset, given: float | None = None) -> Mark | None:
         return None
     ends = [float(sweep.attrs[key]) for key in ("full_engagement_low", "full_engagement_high")
             if np.isfinite(sweep.attrs.get(key, np.nan))]
-    number = f"{value:.4g}" if len(ends) < 2 else \
+    number = _rounded_up(value) if len(ends) < 2 else \
         f"{value:.3g} ({ends[0]:.3g} to {ends[1]:.3g}, 95 %)"
     low, high = ends if len(ends) == 2 else (value, value)
     unit = sweep_parts.unit_of(sweep_parts.parameter_of(sweep))
     return Mark("full", low, high, f"T_full = {number} {unit}: contact can be kept from here; "
                 + sweep_parts.beyond(sweep, value))
+
+
+def _rounded_up(value: float) -> str:
+    """Four digits of a lower limit, never below it, as the summary has them."""
+    if value == 0:
+        return "0"
+    unit = 10.0 ** (math.floor(math.log10(abs(value))) - 3)
+    return f"{math.ceil(value / unit - 1e-6) * unit:.4g}"
 
 
 def mark_sweep(axes: Any, sweep: xr.Dataset, full_engagement: float | None, marks: Any,
