@@ -149,6 +149,7 @@ def ranks():
     return [found, "-n", "3"] if found else pytest.skip("no mpiexec")
 
 
+@pytest.mark.full  # the killed rank's job makes the same, too
 def test_mpi_makes_the_same(deck, expected, tmp_path):
     code, said = run(deck, tmp_path, "--executor", "mpi", before=ranks())
     assert code == 0, said

@@ -103,8 +103,8 @@ def gone(pid):
 
 
 @pytest.mark.skipif(not os.path.isdir("/proc"), reason="looks at processes")
-@pytest.mark.parametrize("signum", [
-    signal.SIGTERM, pytest.param(signal.SIGKILL, marks=pytest.mark.full)])
+@pytest.mark.full
+@pytest.mark.parametrize("signum", [signal.SIGTERM, signal.SIGKILL])
 def test_what_ends_the_command_ends_all_and_the_same_command_goes_on(tmp_path, signum):
     out, paths = tmp_path / "out", long_decks(tmp_path)
     job, pids = begun(paths, out)

@@ -38,6 +38,7 @@ def every(results, named=None):
             for name in results.studies.get(kind, ())}
 
 
+@pytest.mark.full
 def test_all_are_all_in_both_formats(results):
     found = chosen(results, asked("all", every(results)))
     assert found.keys() == {task.stem for task in plots.tasks_of(results)}
