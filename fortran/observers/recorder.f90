@@ -74,9 +74,9 @@ contains
     end if
   end subroutine look_ahead
 
-  !> Write the line of the cycle under way behind those of the cycles closed: what has been measured
-  !> up to `until`, in a segment that is taken back. It is written by a copy, and what is searched
-  !> for it is not counted: to go on changes no bit of what comes.
+  !> Write the line of the cycle under way, where it is wanted, behind those of the cycles closed:
+  !> what has been measured up to `until`, in a segment that is taken back. It is written by a copy,
+  !> and what is searched for it is not counted: to go on changes no bit of what comes.
   subroutine write_unfinished(self, system, flow, segment, until)
     type(recorder_t), intent(inout) :: self
     class(system_t), intent(in) :: system        !! what moves
@@ -86,6 +86,7 @@ contains
     type(recorder_t) :: copy
     type(segment_t) :: part
     type(work_t) :: uncounted
+    if (.not. self%want_unfinished) return
     copy = self
     copy%want_tangent = .false.
     part = segment

@@ -57,7 +57,7 @@ contains
       call advance(system, flow, numerics, state, segment, work, status)
       if (status == status_step_too_small .or. status == status_not_finite) then
         state = before
-        if (recorder%want_unfinished) call write_unfinished(recorder, system, flow, segment, 0.0_wp)
+        call write_unfinished(recorder, system, flow, segment, 0.0_wp)
         return
       end if
       if (passed(state%instant, target_cycle, target_t)) then
@@ -65,14 +65,12 @@ contains
         work = work_before
         status = status_ok
         call look_ahead(recorder, system, flow, segment, target_t, work)
-        if (recorder%want_unfinished) then
-          call write_unfinished(recorder, system, flow, segment, target_t)
-        end if
+        call write_unfinished(recorder, system, flow, segment, target_t)
         exit
       end if
       call record_segment(recorder, system, flow, segment, state%instant, work)
       if (status /= status_ok) then
-        if (recorder%want_unfinished) call write_unfinished(recorder, system, flow, segment, 0.0_wp)
+        call write_unfinished(recorder, system, flow, segment, 0.0_wp)
         return
       end if
       if (segment%cycle_completed .and. numerics%copy_repeats) then

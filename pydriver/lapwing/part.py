@@ -96,8 +96,8 @@ def missing_shards(deck: Deck,
     lacking = {}
     for kind, name, job in jobs_of(deck):
         shards = shards_of(folder.with_name(folder.name + SHARDS), kind, name)
-        missing = [index for index in range(job.shards)
+        missing = [index for index in range(job.cut.shards)
                    if read_status(shards, index, job.told(index)) is None]
         if missing:
-            lacking[f"{kind} {name}"] = missing, job.shards
+            lacking[f"{kind} {name}"] = missing, job.cut.shards
     return lacking

@@ -164,5 +164,5 @@ def _parts(deck: Deck, wanted: int, cpus: int, max_array_size: int) -> int:
     """How many parts: as wanted, else one for each shard and processor, as many as fit; 0: none."""
     from lapwing.studies.of_deck import jobs_of
 
-    shards = max((job.shards for _, _, job in jobs_of(deck)), default=0)
+    shards = max((job.cut.shards for _, _, job in jobs_of(deck)), default=0)
     return min(wanted or -(-shards // cpus), shards, max_array_size - 1)

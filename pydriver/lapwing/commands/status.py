@@ -206,10 +206,10 @@ def _of_shards(group: str, job: Any, folder: Path, running: bool) -> StudyState:
 
     ended = np.full(job.grid.runs, Status.UNFINISHED, dtype=np.int8)
     came = []
-    for index in range(job.shards):
+    for index in range(job.cut.shards):
         found = read_status(folder, index, job.told(index))
         if found is not None:
-            first, stop = job.place(index)
+            first, stop = job.cut.place(index)
             ended[first:stop] = found
             with contextlib.suppress(OSError):
                 came.append((shard_path(folder, index).stat().st_mtime, stop - first))
@@ -218,7 +218,7 @@ def _of_shards(group: str, job: Any, folder: Path, running: bool) -> StudyState:
         ended = ended.reshape(grid.shape).transpose(
             [grid.order.index(name) for name in grid.axes]).ravel()
     state = _state(group, ended)
-    state.shards, state.shards_done = job.shards, len(came)
+    state.shards, state.shards_done = job.cut.shards, len(came)
     state.runs_per_second = _rate(sorted(came)[-RECENT:])
     if running and state.runs_per_second:
         state.seconds_left = state.missing / state.runs_per_second

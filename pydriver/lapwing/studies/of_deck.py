@@ -116,17 +116,12 @@ def compute_part(deck: Deck, part: int, parts: int, threads: int, report: Callab
     -------
     int, int, how many shards were made, and how many lay there
     """
-    counts = [(0, 0)]
-    for study in carried_out():
-        asked_for = deck.studies[study.kind]
-        module: Any = study.part("study") if asked_for else None
-        for asked in asked_for if getattr(module, "KEEPS_SHARDS", False) else ():
-            done = report(f"{study.kind} {asked.name}, part {part} of {parts}", 100, "%")
-            counts.append(module.carry_out_part(
-                deck, asked, part, parts, threads, done,
-                shards_of(folder, study.kind, asked.name), notes))
-    made, there = (sum(column) for column in zip(*counts, strict=True))
-    return made, there
+    from lapwing.studies.map.work import make_part
+
+    counts = [make_part(job, shards_of(folder, kind, name), part, parts, threads,
+                        report(f"{kind} {name}, part {part} of {parts}", 100, "%"), notes)
+              for kind, name, job in jobs_of(deck)]
+    return sum(made for made, _ in counts), sum(there for _, there in counts)
 
 
 def _one_by_one(study: Study, deck: Deck, threads: int, report: Callable[..., Any],

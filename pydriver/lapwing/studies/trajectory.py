@@ -215,10 +215,8 @@ def simulate(osc: Oscillator, start: Any = "rest", phase: float = 0.0, cycles: f
         origin, before = (engine_start(osc, start), phase), 0.0
         call = TrajectoryCall(osc, (*origin[0], phase), numerics=numerics, wanted=wanted)
     target = position(origin[1], before + cycles, osc.period)
-    # A target inside a stretch is reported by a sample; one at a cycle's end is reached exactly.
-    call.run(target, [target] if target[1] > 0 or osc.degrees_of_freedom == 2 else [])
     passed = start._checkpoints if isinstance(start, HybridState) else ()
-    return _result(osc, call, origin, before + cycles, target, numerics, passed, seen)
+    return _moved(osc, call, origin, before + cycles, target, numerics, passed, seen)
 
 
 def run_from(osc: Oscillator, start: tuple[float, float, float], phase: float,
@@ -237,9 +235,8 @@ def run_from(osc: Oscillator, start: tuple[float, float, float], phase: float,
     wanted = Wanted(events=True, depths=True, cycles=True, grazes=True, bounces=bounces,
                     graze_distance=1e-3 * osc.angle_scale)
     call = TrajectoryCall(osc, (*start, phase), numerics=numerics, wanted=wanted)
-    call.run(target, [target] if target[1] > 0 or osc.degrees_of_freedom == 2 else [])
     cycles = target[0] + target[1] / osc.period - phase
-    return _result(osc, call, (start, phase), cycles, target, numerics, (), phase == 0)
+    return _moved(osc, call, (start, phase), cycles, target, numerics, (), phase == 0)
 
 
 def engine_start(osc: Oscillator, start: Any) -> tuple[float, float, float]:
@@ -304,13 +301,15 @@ def _same(one: Oscillator, other: Oscillator) -> bool:
         for name in ("knots", "coefficients", "kinks"))
 
 
-def _result(osc: Oscillator, call: TrajectoryCall, origin: tuple[tuple[float, float, float], float],
-            cycles: float, target: tuple[int, float], numerics: Numerics, before: Any,
-            seen: bool) -> Run:
-    """What the engine recorded, and the state at the target.
+def _moved(osc: Oscillator, call: TrajectoryCall, origin: tuple[tuple[float, float, float], float],
+           cycles: float, target: tuple[int, float], numerics: Numerics, before: Any,
+           seen: bool) -> Run:
+    """Move a run to its target: what the engine recorded, and the state there.
 
     `seen` tells whether the cycle in which the run began was followed from its beginning.
     """
+    # A target inside a stretch is reported by a sample; one at a cycle's end is reached exactly.
+    call.run(target, [target] if target[1] > 0 or osc.degrees_of_freedom == 2 else [])
     phase0, period = origin[1], osc.period
     at = (call.cycle, call.t, call.motion_state, call.phi, call.phi_dot)
     if call.status == Status.OK and (call.cycle, call.t) != target:

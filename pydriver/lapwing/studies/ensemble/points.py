@@ -14,7 +14,7 @@ from lapwing.model.draw import LEAST_SHARE, Draw
 from lapwing.model.linear_response import critical_force
 from lapwing.model.oscillator import Oscillator
 from lapwing.studies.map.grid import Grid
-from lapwing.studies.sweep.varied import moved_to, points_at
+from lapwing.studies.sweep.varied import points_at
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,29 +52,27 @@ class Cloud(Grid):
     def known(self, first: int, stop: int,
               each: Callable[[], None]) -> dict[str, NDArray[np.float64]]:
         """See `Grid`: T_full (N·m) of each run, NaN where nothing keeps contact."""
-        found = {name: np.full(stop - first, np.nan) for name in self.besides}
+        if not self.besides:
+            return {}
+        found = np.empty(stop - first)
         of: dict[tuple[float, ...], float] = {}
-        for values in found.values():
-            for run in range(first, stop):
-                each()
-                osc = self.oscillator(run)
-                # The critical force follows from these alone; a drawn backlash moves none.
-                key = osc.damping_ratio, osc.mesh_frequency_ratio, osc.te_scale
-                if key not in of:
-                    try:
-                        of[key] = critical_force(osc).force
-                    except ValueError:  # no engaged motion: at an undamped resonance
-                        of[key] = np.nan
-                assert osc.scales is not None  # it comes from a pair
-                values[run - first] = of[key] / osc.scales.force_per_torque
-        return found
+        for run in range(first, stop):
+            each()
+            osc = self.oscillator(run)
+            # The critical force follows from these alone; a drawn backlash moves none.
+            key = osc.damping_ratio, osc.mesh_frequency_ratio, osc.te_scale
+            if key not in of:
+                try:
+                    of[key] = critical_force(osc).force
+                except ValueError:  # no engaged motion: at an undamped resonance
+                    of[key] = np.nan
+            assert osc.scales is not None  # it comes from a pair
+            found[run - first] = of[key] / osc.scales.force_per_torque
+        return {"full_engagement": found}
 
     def oscillator(self, run: int) -> Oscillator:
         """The oscillator of a run."""
-        pair, operation = self.pair, dict(self.operation)
-        for name, values in self.axes.items():
-            pair, operation = moved_to(pair, self.te, name, float(values[run]), operation)
-        return pair.oscillator(self.te, **operation)
+        return self.at({name: values[run] for name, values in self.axes.items()})
 
 
 def drawn(draws: Mapping[str, Draw], shares: NDArray[np.float64],

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +28,7 @@ from lapwing.studies.ensemble.dataset import dataset_of
 from lapwing.studies.ensemble.points import Cloud, drawn, sensitivity_shares, shares_of
 from lapwing.studies.ensemble.statistics import Sample
 from lapwing.studies.map.cut import shard_size
-from lapwing.studies.map.shards import Job
+from lapwing.studies.map.shards import Job, check_settings
 from lapwing.studies.map.work import carry_out
 from lapwing.studies.sweep.varied import OF_CURVE, parameters
 
@@ -132,13 +131,7 @@ def plan_of(pair: GearPair, te: TransmissionError, draws: Any, *, sampling: str,
     taken.take(arguments.instance, "pair", pair, GearPair)
     taken.take(arguments.instance, "te", te, TransmissionError)
     given, listed = _draws(draws, operation, taken)
-    for key, count, least in (("settle", settle, 0), ("record", record, 1)):
-        taken.take(arguments.whole, key, count, least)
-    if shard_runs is not None:
-        taken.take(arguments.whole, "shard_runs", shard_runs, 1)
-    taken.take(arguments.phase, "phase", phase)
-    if numerics is not None:
-        taken.take(arguments.instance, "numerics", numerics, Numerics)
+    check_settings(taken, settle, record, phase, numerics, shard_runs)
     matrix = _sampling(taken, given, listed, sampling=sampling, runs=runs, scrambles=scrambles,
                        seed=seed, correlation=correlation, sensitivity_draws=sensitivity_draws)
     taken.raise_if_any("ensemble")
@@ -157,7 +150,9 @@ def plan_of(pair: GearPair, te: TransmissionError, draws: Any, *, sampling: str,
         values = {name: np.concatenate([values[name], more])
                   for name, more in drawn(given, shares).items()}
     cloud = Cloud(pair, te, values, "run", operation)
-    _check_corners(cloud)
+    if cloud.runs > MAX_INT:
+        raise ValueError(f"ensemble: {cloud.runs} runs, expected at most {MAX_INT}")
+    cloud.check_corners("ensemble")
     size = shard_size(cloud.runs, settle + record, 1, shard_runs)
     job = Job(cloud, "rest", int(settle), int(record), float(phase),
               numerics or Numerics(rtol=1e-6), size)
@@ -221,19 +216,6 @@ def _sampling(taken: Refusals, given: dict[str, Draw], listed: Any, *, sampling:
     if sensitivity_draws and scrambles * (len(given) + 2) * sensitivity_draws > MOST_RUNS:
         taken.problems.append(f"sensitivity_draws: more than {MOST_RUNS} runs")
     return matrix
-
-
-def _check_corners(cloud: Cloud) -> None:
-    """Refuse what is refused where parameters are extreme together."""
-    if cloud.runs > MAX_INT:
-        raise ValueError(f"ensemble: {cloud.runs} runs, expected at most {MAX_INT}")
-    ends = [sorted({float(values.min()), float(values.max())}) for values in cloud.axes.values()]
-    corners = np.array(list(product(*ends)))
-    extreme = Cloud(cloud.pair, cloud.te, dict(zip(cloud.axes, corners.T, strict=True)), cloud.line,
-                    cloud.operation)
-    for oscillator in map(extreme.oscillator, range(len(corners))):
-        if oscillator.gap == "one_flank" and oscillator.force < 0:
-            raise ValueError("ensemble: rest with a negative force needs a coast flank to rest on")
 
 
 __all__ = ["ensemble"]

@@ -18,7 +18,6 @@ from lapwing.studies.again import Again, moved_again
 from lapwing.studies.ensemble.run import ensemble, plan_of
 from lapwing.studies.labels import labels
 from lapwing.studies.map.shards import Job, carried_out
-from lapwing.studies.map.work import make_part
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -53,13 +52,6 @@ def carry_out(deck: Deck, study: Asked, order: int, threads: int,
     given = {name: study.operation[name] for name in study.operation
              if isinstance(study.operation[name], float)}
     return result.assign_attrs(labels(deck, study) | given)
-
-
-def carry_out_part(deck: Deck, study: Asked, part: int, parts: int, threads: int,
-                   done: Callable[[float], None] | None, folder: Path,
-                   notes: Callable[[str], None] | None = None) -> tuple[int, int]:
-    """Make each `parts`-th shard, from the `part`-th on; see `map.run.make_part`."""
-    return make_part(job(deck, study), folder, part, parts, threads, done, notes)
 
 
 def job(deck: Deck, study: Asked) -> Job:
@@ -109,4 +101,4 @@ def estimate(deck: Deck, study: Asked, seconds: float, clock: Callable[[], float
     return low * runs / threads, high * runs / threads, count / runs
 
 
-__all__ = ["again", "carry_out", "carry_out_part", "estimate", "extent", "failed", "job"]
+__all__ = ["again", "carry_out", "estimate", "extent", "failed", "job"]

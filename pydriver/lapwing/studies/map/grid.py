@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 from typing import Any, ClassVar
 
 import numpy as np
@@ -78,14 +79,36 @@ class Grid:
         """These numbers of the runs from `first` up to `stop`; `each` is called before each run."""
         return {}
 
+    def check_corners(self, who: str) -> None:
+        """Refuse what is refused at a corner, where parameters are extreme together.
+
+        Raises
+        ------
+        ValueError
+            of the first such oscillator; `who` is the call that is told to be wrong.
+        """
+        ends = [sorted({float(values.min()), float(values.max())}) for values in self.axes.values()]
+        for corner in product(*ends):
+            oscillator = self.at(dict(zip(self.axes, corner, strict=True)))
+            if oscillator.gap == "one_flank" and oscillator.force < 0:
+                raise ValueError(f"{who}: rest with a negative force needs a coast flank to rest "
+                                 "on")
+
+    def at(self, values: Mapping[str, Any]) -> Oscillator:
+        """The oscillator at such values of the parameters."""
+        pair, operation = self.pair, dict(self.operation)
+        for name, value in values.items():
+            pair, operation = moved_to(pair, self.te, name, float(value), operation)
+        return pair.oscillator(self.te, **operation)
+
     def oscillator(self, run: int) -> Oscillator:
         """The oscillator of one run, to the last bit of its `points`."""
-        pair, operation = self.pair, dict(self.operation)
-        for name, at in zip(self.order, np.unravel_index(run, self.shape), strict=True):
-            pair, operation = moved_to(pair, self.te, name, float(self.axes[name][at]), operation)
+        places = np.unravel_index(run, self.shape)
+        oscillator = self.at({name: self.axes[name][place]
+                              for name, place in zip(self.order, places, strict=True)})
         points = self.points(run, run + 1)
         exact: dict[str, Any] = {name: float(getattr(points, name)[0]) for name in NUMBERS[:-1]}
-        return replace(pair.oscillator(self.te, **operation), **exact)
+        return replace(oscillator, **exact)
 
 
 def fastest_axis(axes: Mapping[str, Any]) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,9 +17,9 @@ from lapwing.model.gear_pair import GearPair
 from lapwing.model.transmission_error import TransmissionError
 from lapwing.studies.map.cut import shard_size
 from lapwing.studies.map.grid import Grid, fastest_axis
-from lapwing.studies.map.shards import Job
+from lapwing.studies.map.shards import Job, check_settings
 from lapwing.studies.map.work import Found, carry_out, numbers_of
-from lapwing.studies.sweep.varied import moved_to, oscillator_at, parameters
+from lapwing.studies.sweep.varied import parameters
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -111,13 +110,7 @@ def job_of(pair: GearPair, te: TransmissionError, axes: Any, *, line: str | None
     taken.take(arguments.choice, "start", start, STARTS)
     if line is not None:
         taken.take(arguments.choice, "line", line, tuple(values))
-    for key, given, least in (("settle", settle, 0), ("record", record, 1)):
-        taken.take(arguments.whole, key, given, least)
-    if shard_runs is not None:
-        taken.take(arguments.whole, "shard_runs", shard_runs, 1)
-    taken.take(arguments.phase, "phase", phase)
-    if numerics is not None:
-        taken.take(arguments.instance, "numerics", numerics, Numerics)
+    check_settings(taken, settle, record, phase, numerics, shard_runs)
     taken.raise_if_any("parameter_map")
     values = {name: np.unique(one) for name, one in values.items()}
     if start == "rest":
@@ -127,25 +120,11 @@ def job_of(pair: GearPair, te: TransmissionError, axes: Any, *, line: str | None
         raise ValueError(f"parameter_map: {grid.runs} runs, expected at most {MAX_INT}")
     if grid.length > MAX_INT // 8:
         raise ValueError(f"parameter_map: {grid.length} values of {grid.line}")
-    _check_corners(grid)
+    grid.check_corners("parameter_map")
     length = 1 if start == "rest" else grid.length
     size = shard_size(grid.runs, settle + record, length, shard_runs)
     return Job(grid, start, int(settle), int(record), float(phase),
                numerics or Numerics(rtol=1e-6), size)
-
-
-def _check_corners(grid: Grid) -> None:
-    """Refuse what is refused at a corner, where parameters are extreme together."""
-    for corner in product(*(sorted({float(values[0]), float(values[-1])})
-                            for values in grid.axes.values())):
-        *others, (last, value) = zip(grid.axes, corner, strict=True)
-        pair, operation = grid.pair, dict(grid.operation)
-        for name, number in others:
-            pair, operation = moved_to(pair, grid.te, name, number, operation)
-        oscillator = oscillator_at(pair, grid.te, last, value, operation)
-        if oscillator.gap == "one_flank" and oscillator.force < 0:
-            raise ValueError("parameter_map: rest with a negative force needs a coast flank to "
-                             "rest on")
 
 
 def _dataset(job: Job, found: Found, interrupted: bool) -> xr.Dataset:

@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lapwing import engine
+from lapwing.base import arguments
+from lapwing.base.arguments import Refusals
 from lapwing.base.arrivals import arrivals_of
 from lapwing.base.codes import Status
 from lapwing.base.threads import worker_threads
@@ -70,15 +72,6 @@ class Job:
         """Which runs are in which shard."""
         return Cut(self.grid.runs, self.shard_runs, self.grid.length, self.start)
 
-    @property
-    def shards(self) -> int:
-        """How many shards there are."""
-        return self.cut.shards
-
-    def place(self, index: int) -> tuple[int, int]:
-        """First run of a shard, and the one behind its last."""
-        return self.cut.place(index)
-
     def told(self, index: int, before: Shard | None = None) -> dict[str, Any]:
         """What a shard's file says of itself, given the one that it goes on from."""
         first, stop = self.cut.place(index)
@@ -115,6 +108,18 @@ class Job:
             whole.update(f"{array.dtype} {array.shape}\0".encode())
             whole.update(np.ascontiguousarray(array).tobytes())
         return whole.hexdigest()
+
+
+def check_settings(taken: Refusals, settle: Any, record: Any, phase: Any, numerics: Any,
+                   shard_runs: Any) -> None:
+    """Check how each run is carried out, and how many are in a shard."""
+    taken.take(arguments.whole, "settle", settle, 0)
+    taken.take(arguments.whole, "record", record, 1)
+    taken.take(arguments.phase, "phase", phase)
+    if numerics is not None:
+        taken.take(arguments.instance, "numerics", numerics, Numerics)
+    if shard_runs is not None:
+        taken.take(arguments.whole, "shard_runs", shard_runs, 1)
 
 
 def rate_of(name: str, numbers: Callable[[str], NDArray[Any]], record: int) -> NDArray[Any]:
@@ -159,6 +164,8 @@ def carried_out(job: Job, index: int, progress: Callable[[float], None] | None =
     size = math.ceil(most / length) * length
     start = (*(before.handed if before and before.handed else _REST), job.phase)
 
+    give_up = _told(None, stop, 0.0, 0.0)
+
     def fill(begin: int) -> None:
         stop_at = min(begin + size, behind)
         _move(job, begin, outcome[begin - first:stop_at - first], start, _told(
@@ -175,7 +182,7 @@ def carried_out(job: Job, index: int, progress: Callable[[float], None] | None =
     good = outcome["status"] == Status.OK
     data = {name: np.where(good | (name == "status"), outcome[name], 0 if kind is not float
                            else np.nan).astype(kind) for name, kind in KEPT.items()} \
-        | job.grid.known(first, behind, lambda: _told(None, stop, 0.0, 0.0)(0.0))
+        | job.grid.known(first, behind, lambda: give_up(0.0))
     last = outcome[0 if job.start == "down" else -1]
     handed = tuple(map(float, last[["motion_state", "phi", "phi_dot"]])) \
         if last["status"] == Status.OK else _REST

@@ -18,7 +18,6 @@ from lapwing.studies.again import Again, moved_again
 from lapwing.studies.labels import labels
 from lapwing.studies.map.run import job_of, parameter_map
 from lapwing.studies.map.shards import Job, carried_out
-from lapwing.studies.map.work import make_part
 from lapwing.studies.sweep.varied import oscillator_at
 
 if TYPE_CHECKING:
@@ -58,13 +57,6 @@ def carry_out(deck: Deck, study: Asked, order: int, threads: int,
 def job(deck: Deck, study: Asked) -> Job:
     """How a map is cut, and what its shards say of themselves."""
     return job_of(**_arguments(deck, study))
-
-
-def carry_out_part(deck: Deck, study: Asked, part: int, parts: int, threads: int,
-                   done: Callable[[float], None] | None, folder: Path,
-                   notes: Callable[[str], None] | None = None) -> tuple[int, int]:
-    """Make each `parts`-th shard of a map, from the `part`-th on; see `work.make_part`."""
-    return make_part(job(deck, study), folder, part, parts, threads, done, notes)
 
 
 def again(deck: Deck, study: Asked, index: int) -> Again:

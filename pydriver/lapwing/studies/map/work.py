@@ -154,22 +154,22 @@ class _Work:
     def _hand_out(self, submit: Callable[[int], Future[Any]], left: list[int],
                   most: int) -> None:
         """Keep an executor busy, and take what it has finished."""
-        waiting: deque[int] = deque(left)
+        # Of a chain, a shard is ready when the one before it is there.
+        ready = deque(index for index in left if self._may_begin(index))
+        waiting = set(left).difference(ready)
         under_way: dict[Future[Any], int] = {}
-        while True:
-            # Of a chain, those wait aside whose forerunner is not there yet.
-            for _ in range(len(waiting)):
-                index = waiting.popleft()
-                if len(under_way) >= most or not self._may_begin(index):
-                    waiting.append(index)
-                else:
-                    under_way[submit(index)] = index
-            if not under_way:
-                return
+        while ready or under_way:
+            while ready and len(under_way) < most:
+                index = ready.popleft()
+                under_way[submit(index)] = index
             try:
                 done, _ = wait(under_way, return_when=FIRST_COMPLETED)
                 for future in done:
-                    self._take(future, under_way.pop(future))
+                    index = under_way.pop(future)
+                    self._take(future, index)
+                    if index + 1 in waiting and self.job.cut.before(index + 1) == index:
+                        waiting.remove(index + 1)
+                        ready.append(index + 1)
             except BaseException:
                 self._stop.set()
                 for future in under_way:
