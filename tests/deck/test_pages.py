@@ -18,12 +18,21 @@ def test_template_loads(tmp_path):
     path = tmp_path / "new.nml"
     path.write_text(template_text(), encoding="utf-8")
     deck = load_deck(path)
-    assert not deck.warnings and deck.responses and deck.sweeps
+    assert not deck.warnings and {kind for kind, asked in deck.studies.items() if asked} \
+        == {"response", "sweep", "critical"}
     assert max(map(len, template_text().splitlines())) <= 100
 
 
+def test_groups_for_other_questions_load_without_their_marks(tmp_path):
+    path = tmp_path / "new.nml"
+    path.write_text(re.sub(r"^! (?=[&/ ])", "", template_text(), flags=re.MULTILINE),
+                    encoding="utf-8")
+    deck = load_deck(path)
+    assert not deck.warnings and all(deck.studies.values())
+
+
 def test_template_names_every_key():
-    named = set(re.findall(r"^ +(?:! )?(\w+) = ", template_text(), re.MULTILINE))
+    named = set(re.findall(r"^(?:! )? +(?:! )?(\w+) = ", template_text(), re.MULTILINE))
     assert named == {key for group in GROUPS.values() for key in fields(group)}
 
 

@@ -27,18 +27,18 @@ class DrawKeys(Group):
     chosen = ("mean", "deviation")
 
     parameter: str = key(text="a real number of &gear_pair or &operation, as 'backlash' or "
-                         "'gear_pair.backlash'", example="backlash")
+                         "'gear_pair.backlash'", example="te_scale")
     law: Literal["normal", "lognormal", "uniform", "triangular"] = key(
         "normal", "how it is distributed")
     mean: float | None = _number("mean of the value, before limits cut it; for 'normal' and "
-                                 "'lognormal'", 0.002)
+                                 "'lognormal'", 1.0)
     deviation: float | None = _number("standard deviation of the value itself, before limits cut "
-                                      "it; for 'normal' and 'lognormal'", 0.0001)
-    mode: float | None = _number("likeliest value; for 'triangular'", 0.002)
+                                      "it; for 'normal' and 'lognormal'", 0.05)
+    mode: float | None = _number("likeliest value; for 'triangular'", 1.0)
     low: float | None = _number("least value; left out with 'normal' and 'lognormal': no limit",
-                                0.0018)
+                                0.9)
     high: float | None = _number("greatest value; left out with 'normal' and 'lognormal': no "
-                                 "limit", 0.0022)
+                                 "limit", 1.1)
 
     def draw(self, builder: Studies, reader: _GroupReader) -> tuple[str, str, Draw] | None:
         """(parameter, its group, Draw), or None; what is wrong goes to the builder's report."""
