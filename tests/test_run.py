@@ -12,6 +12,8 @@ import netCDF4
 import numpy as np
 import pytest
 
+import children
+import sketches
 from lapwing.cli import BAD_INPUT, FAILED, OK, SURROUNDINGS
 from lapwing.deck import load_deck
 from lapwing.folder import FolderError, folder_of
@@ -27,17 +29,15 @@ NAMES = {"result.nc", "used.nml", "summary.md", "manifest.json"}
 ALL = ("--threads", 1, "--figures", "all")
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="module", autouse=True)
 def two_figures():
-    """Few figures, drawn for real."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lapwing.plots.FIGURES", {"response": ("history",), "sweep": (),
-                                      "critical": ("critical_search",)})
+        sketches.draw_two(patch)
         yield
 
 
 @pytest.fixture(scope="module")
-def done(tmp_path_factory, two_figures):
+def done(tmp_path_factory):
     """A deck and an undisturbed run of it."""
     folder = tmp_path_factory.mktemp("done")
     deck = write_deck(folder)
@@ -46,7 +46,7 @@ def done(tmp_path_factory, two_figures):
 
 
 @pytest.fixture
-def there(done, tmp_path, two_figures):
+def there(done, tmp_path):
     """A copy of its results, to be hurt; and a file of the user's among them."""
     shutil.copytree(done[1], tmp_path / "r" / "small")
     (tmp_path / "r" / "small" / "notes.txt").write_text("mine")
@@ -71,11 +71,6 @@ def good(done, there):
         **json.loads(expected.pop("manifest.json")), "replaced": 0, "checksum": 0}
     assert found == expected
     return [path.name for path in there.parent.iterdir()] == ["small"]
-
-
-def test_two_runs_write_the_same_bytes(done, tmp_path, two_figures):
-    run_deck(load_deck(done[0]), tmp_path / "r", threads=2)
-    assert contents(tmp_path / "r" / "small") == contents(done[1])
 
 
 def test_the_manifest_lists_everything(done):
@@ -163,7 +158,7 @@ def test_a_folder_of_the_first_version_is_taken_over(done, there):
     assert good(done, there)
 
 
-def test_files_of_the_user_are_never_touched(done, tmp_path, two_figures):
+def test_files_of_the_user_are_never_touched(done, tmp_path):
     folder = tmp_path / "r" / "small"
     folder.mkdir(parents=True)
     (folder / "gear_drawing.pdf").write_text("drawn by hand")
@@ -254,8 +249,8 @@ def stopped(*given, **more):
     os.kill(os.getpid(), signal.SIGKILL)
 
 setattr(owner, name, stopped)
-from lapwing import plots
-plots.FIGURES.update(response=("response.history",), sweep=())
+import pytest, sketches
+sketches.draw_two(pytest.MonkeyPatch())
 from lapwing.deck import load_deck
 from lapwing.run import run_deck
 deck = load_deck({deck!r}, [("operation.brake_torque", "6")])
@@ -274,8 +269,8 @@ EVERY_DAY = {(STOPS[3], False), (STOPS[4], True), (STOPS[6], False),
 def test_a_kill_leaves_the_old_or_the_new(done, there, stop, after):
     """Killed before or after each step of a publication; the next run takes up what is left."""
     code = KILLED.format(stop=stop, after=after, deck=str(done[0]), out=str(there.parent))
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
-    assert ended.returncode == -9, ended.stderr.decode()
+    ended = children.carried_out(code)
+    assert ended.code == -9, ended.said
     assert (there / "notes.txt").read_text() == "mine"
     manifest = Manifest.read(there)
     assert not manifest.damaged(there) and manifest.state == "complete"
@@ -330,7 +325,7 @@ def interrupted_run(deck, out, monkeypatch, **options):
         return run_deck(load_deck(deck, options.pop("overrides", ())), out, threads=1, **options)
 
 
-def test_an_interrupted_run_goes_on_where_it_stopped(done, tmp_path, two_figures, monkeypatch):
+def test_an_interrupted_run_goes_on_where_it_stopped(done, tmp_path, monkeypatch):
     out = tmp_path / "r"
     outcome = interrupted_run(done[0], out, monkeypatch)
     assert outcome.interrupted and not outcome.reused
@@ -363,7 +358,7 @@ def test_unfinished_results_do_not_replace_complete_ones(done, there, monkeypatc
     assert [path.name for path in there.parent.iterdir()] == ["small"]
 
 
-def test_a_signal_while_drawing_keeps_the_results(done, tmp_path, two_figures, monkeypatch):
+def test_a_signal_while_drawing_keeps_the_results(done, tmp_path, monkeypatch):
     def stop(*_, **__):
         raise KeyboardInterrupt
 
@@ -382,9 +377,9 @@ def test_a_signal_while_drawing_keeps_the_results(done, tmp_path, two_figures, m
 
 FULL_DISK = """
 import resource, signal, sys
+import pytest, sketches
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-from lapwing import plots
-plots.FIGURES.update(response=("response.history",), sweep=())
+sketches.draw_two(pytest.MonkeyPatch())
 from lapwing.deck import load_deck
 from lapwing.run import run_deck
 resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size}))
@@ -400,15 +395,14 @@ def test_no_room_for_new_files_leaves_the_old_ones(done, there, size):
     """A bound of a file's size stands for a full disk."""
     before = contents(there)
     code = FULL_DISK.format(size=size, deck=str(done[0]), out=str(there.parent))
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
-                           check=False)
-    assert ended.returncode in (0, 1) and "Traceback" not in ended.stderr, ended.stderr
-    if ended.returncode:
-        assert "said: File too large" in ended.stderr and contents(there) == before
+    ended = children.carried_out(code)
+    assert ended.code in (0, 1) and "Traceback" not in ended.said, ended.said
+    if ended.code:
+        assert "said: File too large" in ended.said and contents(there) == before
     assert again(done, there).exit_code == OK and good(done, there)
 
 
-def test_figures_without_room_are_named_and_the_numbers_kept(done, tmp_path, two_figures,
+def test_figures_without_room_are_named_and_the_numbers_kept(done, tmp_path,
                                                              monkeypatch):
     """The first figure finds the disk full; the next run has room and draws it alone."""
     from lapwing.plots import style
@@ -455,15 +449,24 @@ def test_results_that_lack_figures_for_want_of_room_replace_no_complete_ones(
     assert contents(there) == before and [path.name for path in there.parent.iterdir()] == ["small"]
 
 
+REDRAWN_WITHOUT_ROOM = """
+import resource, signal, sys
+import pytest, sketches
+from lapwing.__main__ import main
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+sketches.draw_two(pytest.MonkeyPatch())
+sys.argv = ["lapwing", "plot", {path!r}]
+resource.setrlimit(resource.RLIMIT_FSIZE, (sketches.SIZE - 1000, sketches.SIZE - 1000))
+main()
+"""
+
+
 def test_figures_drawn_again_without_room_are_of_the_surroundings(done, there):
     """The old ones stay as they are."""
     before = contents(there)
-    size = max(len(content) for content in before.values()) // 1024
-    ended = subprocess.run(
-        ["sh", "-c", f'ulimit -f {size}; exec "$@"', "sh", sys.executable, "-m", "lapwing", "plot",
-         there / "result.nc"], capture_output=True, text=True, check=False)
-    assert ended.returncode == SURROUNDINGS and "File too large" in ended.stderr, ended.stderr
-    assert "Traceback" not in ended.stderr
+    ended = children.carried_out(REDRAWN_WITHOUT_ROOM.format(path=str(there / "result.nc")))
+    assert ended.code == SURROUNDINGS and "File too large" in ended.said, ended.said
+    assert "Traceback" not in ended.said
     found = contents(there)
     assert all(found[name] == before[name] for name in before if name != "manifest.json")
     assert not Manifest.read(there).damaged(there)
@@ -480,10 +483,10 @@ def test_figures_are_drawn_again_from_the_file_and_listed(done, there):
 # Figures of another version, so to say: drawn more coarsely.  Killed at the given step.
 REDRAWN = """
 import os, signal
-from lapwing import plots
+import pytest, sketches
 from lapwing.plots import style
 from lapwing.results import store
-plots.FIGURES.update(response=("response.history",), sweep=())
+sketches.draw_two(pytest.MonkeyPatch())
 style.DPI = 40
 left, replace = {step}, os.replace
 
@@ -505,8 +508,8 @@ def test_a_kill_while_figures_are_replaced_damages_none(done, there, step):
     """Two figures in two formats between two writings of the manifest: six steps."""
     (there / "te_curve.pdf").unlink()
     code = REDRAWN.format(step=step, path=str(there / "result.nc"))
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
-    assert ended.returncode == -9, ended.stderr.decode()
+    ended = children.carried_out(code)
+    assert ended.code == -9, ended.said
     old, manifest = contents(done[1]), Manifest.read(there)
     changed = {name for name, content in contents(there).items()
                if name in old and name != "manifest.json" and content != old[name]}
@@ -527,7 +530,7 @@ def test_a_file_of_the_users_with_the_name_of_a_figure_that_was_coming_is_his(do
     assert (there / "extra.png").read_text() == "mine"
 
 
-def test_figures_elsewhere_spare_what_is_there(done, tmp_path, two_figures):
+def test_figures_elsewhere_spare_what_is_there(done, tmp_path):
     folder = tmp_path / "figures"
     folder.mkdir()
     (folder / "te_curve.png").write_text("mine")
@@ -547,24 +550,20 @@ def test_folders_are_told_by_the_deck(tmp_path):
 
 def test_a_figure_that_fails_leaves_the_others_and_is_named(tmp_path, monkeypatch):
     """The next run does not take these results for complete."""
-    from lapwing.plots import te_curve
-
-    monkeypatch.setattr("lapwing.plots.FIGURES", {"response": ("history",), "sweep": (),
-                                      "critical": ("critical_search",)})
-
-    def broken(*_):
-        raise RuntimeError("no ink")
+    def broken(figure, *given, **more):
+        if figure == "te_curve":
+            raise RuntimeError("no ink")
+        return sketches.figure_of(figure, *given, **more)
 
     deck, out = write_deck(tmp_path), tmp_path / "r"
     with monkeypatch.context() as patch:
-        patch.setattr(te_curve, "draw", broken)
+        patch.setattr("lapwing.plots.figure_of", broken)
         result = call("run", deck, "--out", out, *ALL)
         assert result.exit_code == FAILED
         assert "small: figure te_curve: RuntimeError: no ink" in result.output
         names = {path.name for path in (out / "small").iterdir()}
         assert {"result.nc", "summary.md", "history_one.png"} <= names
         assert "te_curve.png" not in names
-        monkeypatch.setenv("OMP_NUM_THREADS", "1")
         again = call("plot", out / "small" / "result.nc", "--out", tmp_path / "p")
         assert again.exit_code == FAILED and "history_one.pdf" in again.output
         assert "figure te_curve: RuntimeError: no ink" in again.output
