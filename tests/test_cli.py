@@ -9,6 +9,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+import children
+import sketches
+from lapwing import plots
 from lapwing.base.exit_codes import ExitCode
 from lapwing.cli import BAD_INPUT, FAILED, INTERRUPTED, OK, app
 from lapwing.deck import load_deck
@@ -16,6 +19,8 @@ from lapwing.report.answers.findings import findings_in, on_console
 from lapwing.results import read_results
 
 INPUTS = Path(__file__).parents[1] / "inputs"
+# All that are drawn here: most of a short run's time goes into them.
+FIGURES = {"response": ("response.history",), "sweep": ("sweep.deepest_separation",)}
 SMALL = """&gear_pair
   pinion_teeth = 25, gear_teeth = 32, pinion_inertia = 0.0078, gear_inertia = 0.026
   pinion_base_lever = 0.034, mesh_stiffness = 3.12e8, backlash = 0.002, restitution = 0.8
@@ -49,8 +54,16 @@ def no_figures(monkeypatch):
     monkeypatch.setattr("lapwing.plots.draw_all", lambda *_, **__: [])
 
 
+@pytest.fixture(scope="module", autouse=True)
+def few_figures():
+    with pytest.MonkeyPatch.context() as patch:
+        for kind, figures in FIGURES.items():
+            patch.setitem(plots.FIGURES, kind, figures)
+        yield
+
+
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory):
+def finished(tmp_path_factory, few_figures):
     """One deck, run once."""
     folder = tmp_path_factory.mktemp("run")
     deck = write_deck(folder)
@@ -80,7 +93,8 @@ def test_same_values_are_reused(finished):
     assert (out / "small" / "result.nc").stat().st_mtime_ns == before
 
 
-def test_figures_are_drawn_in_the_formats_asked_for(tmp_path):
+def test_figures_are_drawn_in_the_formats_asked_for(tmp_path, monkeypatch):
+    sketches.draw_two(monkeypatch)
     deck, out = write_deck(tmp_path, torque=6), tmp_path / "out"
 
     def formats(*words):
@@ -202,7 +216,8 @@ def test_new_writes_a_good_deck_and_never_overwrites(tmp_path):
     assert call("new").output == text
 
 
-def test_plot_draws_from_the_file_alone(finished, tmp_path):
+def test_plot_draws_from_the_file_alone(finished, tmp_path, monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
     _, out, _ = finished
     result = call("plot", out / "small" / "result.nc", "--out", tmp_path)
     assert result.exit_code == OK
@@ -234,8 +249,13 @@ def test_version_and_help():
 
 
 def test_light_commands_import_nothing_heavy():
-    """`check` and `--help` must answer at once: no engine, xarray or matplotlib."""
-    code = ("import sys; from lapwing.cli import app\n"
+    """`check` and `--help` must answer at once: no engine, xarray or matplotlib.
+
+    What tells the time that a deck takes is another process, which is not begun here.
+    """
+    code = ("import subprocess, sys; from lapwing.cli import app\n"
+            "def run(*_, **__): raise OSError\n"
+            "subprocess.run = run\n"
             "sys.argv = ['lapwing', 'check', sys.argv[1]]\n"
             "try: app()\nexcept SystemExit: pass\n"
             "heavy = {'xarray', 'matplotlib', 'netCDF4', 'lapwing._engine'}\n"
@@ -248,6 +268,7 @@ def test_light_commands_import_nothing_heavy():
 # A child process that sends itself a signal at a place of the code, as if from outside.
 SIGNALLED = """
 import importlib, os, signal, sys
+os.setsid()
 signal.signal(signal.SIGINT, signal.default_int_handler)
 module, _, name = {where!r}.partition(":")
 owner = importlib.import_module(module)
@@ -261,25 +282,26 @@ setattr(owner, name, signalled)
 from lapwing import plots
 from lapwing.__main__ import main
 plots.FIGURES.update(response=("response.history",), sweep=())
-sys.argv = ["lapwing", "run", {deck!r}, "--out", {out!r}, "--threads", "2"]
+sys.argv = ["lapwing", "run", {deck!r}, "--out", {out!r}, "--threads", "{threads}"]
 main()
 """
-PLACES = {"lapwing.deck:load_deck": False, "lapwing.studies.response.run:response": False,
-          "lapwing.studies.sweep.run:sweep": True, "lapwing.results.file:store_checksums": True,
+PLACES = {"lapwing.deck:load_deck": False, "lapwing.studies.response.study:response": False,
+          "lapwing.studies.sweep.study:sweep": True, "lapwing.results.file:store_checksums": True,
           "lapwing.plots:draw_all": True, "lapwing.plots.pool:wait": True}
 
 
 def signalled(tmp_path, where, signum):
     deck, out = write_deck(tmp_path), tmp_path / "r"
-    code = SIGNALLED.format(where=where, signum=signum, deck=str(deck), out=str(out))
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
-                          start_new_session=True, check=False)
-    assert "Traceback" not in done.stderr, done.stderr
-    return deck, out, done
+    threads = 2 if where == "lapwing.plots.pool:wait" else 1
+    code = SIGNALLED.format(where=where, signum=signum, deck=str(deck), out=str(out),
+                            threads=threads)
+    ended = children.carried_out(code)
+    assert "Traceback" not in ended.said, ended.said
+    return deck, out, ended
 
 
 EVERY_DAY = {("SIGINT", "lapwing.deck:load_deck"),
-             ("SIGINT", "lapwing.studies.response.run:response"),
+             ("SIGINT", "lapwing.studies.response.study:response"),
              ("SIGINT", "lapwing.plots.pool:wait"), ("SIGTERM", "lapwing.plots:draw_all"),
              ("SIGUSR1", "lapwing.results.file:store_checksums")}
 
@@ -289,12 +311,12 @@ EVERY_DAY = {("SIGINT", "lapwing.deck:load_deck"),
                  marks=[] if (signum, where) in EVERY_DAY else pytest.mark.full)
     for signum, code in (("SIGINT", 130), ("SIGTERM", 75), ("SIGUSR1", 75)) for where in PLACES])
 def test_a_signal_keeps_what_is_finished(tmp_path, where, signum, code, no_figures):
-    deck, out, done = signalled(tmp_path, where, signum)
-    assert done.returncode == code, done.stderr
+    deck, out, ended = signalled(tmp_path, where, signum)
+    assert ended.code == code, ended.said
     folder = out / "small"
     assert not list(folder.glob("*.p[nd][gf]"))
     if PLACES[where]:
-        assert "what is finished lies in" in done.stdout
+        assert "what is finished lies in" in ended.said
         with read_results(folder / "result.nc") as results:
             assert results.responses == ("one",)
     assert [path.name for path in out.iterdir()] == ["small"] if out.exists() else True
@@ -332,6 +354,14 @@ def test_the_points_of_a_sweep_that_are_finished_are_kept(tmp_path, no_figures, 
         assert (status == 5).any() and results.interrupted
 
 
+DRAWS_FEW = f"""
+from lapwing import plots
+from lapwing.__main__ import main
+plots.FIGURES.update({FIGURES})
+main()
+"""
+
+
 @pytest.mark.parametrize("setting", [
     {"MPLBACKEND": "module://matplotlib_inline.backend_inline", "PYTHONIOENCODING": "ascii"},
     pytest.param({"MPLBACKEND": "no such", "PYTHONIOENCODING": "cp1252"}, marks=pytest.mark.full),
@@ -340,7 +370,7 @@ def test_the_points_of_a_sweep_that_are_finished_are_kept(tmp_path, no_figures, 
 def test_the_surroundings_change_no_byte(finished, tmp_path, setting):
     deck, out, _ = finished
     done = subprocess.run(
-        [sys.executable, "-m", "lapwing", "run", deck, "--out", tmp_path / "r", "--threads", "2",
+        [sys.executable, "-c", DRAWS_FEW, "run", deck, "--out", tmp_path / "r", "--threads", "2",
          "--figures", "all"],
         capture_output=True, env=os.environ | setting, check=False)
     assert done.returncode == OK, done.stderr
@@ -349,23 +379,26 @@ def test_the_surroundings_change_no_byte(finished, tmp_path, setting):
         assert (tmp_path / "r" / "small" / path.name).read_bytes() == path.read_bytes()
 
 
-def shell(line, **setting):
+def shell(line, deck="", **setting):
     return subprocess.run(["sh", "-c", line], capture_output=True, text=True, check=False,
-                          env=os.environ | setting | {"PYTHON": sys.executable,
-                                                      "DECK": str(INPUTS / "minimal.nml")})
+                          env=os.environ | setting | {"PYTHON": sys.executable, "DECK": str(deck)})
 
 
 @pytest.mark.parametrize(("line", "code"), [
     ('"$PYTHON" -m lapwing check --no-time "$DECK" > /dev/full', 3),
     ('"$PYTHON" -m lapwing check --no-time "$DECK" >&-', 0),
     ('"$PYTHON" -m lapwing check --no-time "$DECK" >&- 2>&- <&-', 0),
-    ('"$PYTHON" -m lapwing check nosuch.nml 2>&-', 2),
-    ('"$PYTHON" -m lapwing nosuch', 2), ('"$PYTHON" -m lapwing run', 2),
-    ('"$PYTHON" -m lapwing run "$DECK" --out /proc/nosuch', 2),
-    ('"$PYTHON" -m lapwing run "$DECK" --out /dev/full/r', 2)])
-def test_every_end_is_an_exit_code(line, code):
-    done = shell(line)
+    ('"$PYTHON" -m lapwing check nosuch.nml 2>&-', 2)])
+def test_every_end_is_an_exit_code(tmp_path, line, code):
+    done = shell(line, write_deck(tmp_path))
     assert done.returncode == code and "Traceback" not in done.stderr, done.stderr
+
+
+@pytest.mark.parametrize("words", [
+    ["nosuch"], ["run"], ["run", INPUTS / "minimal.nml", "--out", "/proc/nosuch"],
+    ["run", INPUTS / "minimal.nml", "--out", "/dev/full/r"]])
+def test_what_cannot_be_begun_is_bad_input(words):
+    assert call(*words).exit_code == BAD_INPUT
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "ascii", "cp1252"])

@@ -6,41 +6,42 @@ import sys
 
 import pytest
 
+import children
 from lapwing.console import Outlet
 from test_cli import write_deck
 
 # A run with one figure: drawing is most of its time.
 RUN = """
+import os, sys
 from lapwing import plots
 from lapwing.__main__ import main
+os.environ["OMP_NUM_THREADS"] = "1"
 plots.FIGURES.update(response=(), sweep=())
+{redirected}
+sys.argv = ["lapwing", "run", *{decks!r}, "--out", {out!r}]
 main()
 """
 
 
-def run_two(tmp_path, stdout):
+def run_two(tmp_path, redirected):
     """Two decks whose lines go where they cannot; the exit code and the standard error."""
-    decks = [write_deck(tmp_path, name, settle=0) for name in ("a.nml", "b.nml")]
-    process = subprocess.Popen(
-        [sys.executable, "-c", RUN, "run", *decks, "--out", tmp_path / "r"],
-        stdout=stdout, stderr=subprocess.PIPE, text=True, env=os.environ | {"OMP_NUM_THREADS": "1"})
-    if process.stdout:
-        process.stdout.close()  # the reader has seen enough
-    said = process.stderr.read()
+    decks = [str(write_deck(tmp_path, name, settle=0)) for name in ("a.nml", "b.nml")]
+    code, said = children.carried_out(RUN.format(redirected=redirected, decks=decks,
+                                                 out=str(tmp_path / "r")))
     for name in ("a", "b"):
         assert (tmp_path / "r" / name / "summary.md").exists(), said
     assert "Traceback" not in said
-    return process.wait(), said
+    return code, said
 
 
 def test_a_reader_that_has_seen_enough_stops_no_deck(tmp_path):
-    assert run_two(tmp_path, subprocess.PIPE)[0] == 0
+    assert run_two(tmp_path, "hearing, saying = os.pipe(); os.dup2(saying, 1); "
+                             "os.close(saying); os.close(hearing)")[0] == 0
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="has no /dev/full")
 def test_a_full_disk_behind_the_output_stops_no_deck(tmp_path):
-    with open("/dev/full", "w") as full:
-        code, said = run_two(tmp_path, full)
+    code, said = run_two(tmp_path, "os.dup2(os.open('/dev/full', os.O_WRONLY), 1)")
     assert code == 3 and said.count("standard output: No space left on device") == 1
 
 
