@@ -30,7 +30,7 @@ def template_text() -> str:
              if group in _ASKED or group not in schema.REPEATED]
     others = [group for group in schema.GROUPS if group not in asked]
     return _HEAD + "".join(map(_group, asked)) + "".join(
-        textwrap.indent(_group(group), "! ", lambda line: line.strip() and line[0] != "!")
+        textwrap.indent(_group(group), "! ", lambda line: line.strip() != "" and line[0] != "!")
         for group in others)
 
 
