@@ -182,6 +182,10 @@ CASES = {
     "ensemble.draws": (lambda backlash: lw.ensemble(
         PAIR, TE, {"backlash": backlash}, settle=1, record=1, brake_torque=12.0,
         pinion_speed_rpm=300), {"backlash": [1e-3]}),
+    "attractors": (lw.attractors, {
+        "osc": OSC, "starts": "random", "runs": 2, "scrambles": 16, "seed": 0, "phi": (-1e-4, 1e-5),
+        "phi_dot": (-1e-5, 1e-5), "phase": 0.0, "most_cycles": 20, "returns": 3, "recurrences": 5,
+        "resolution": 16, "numerics": None, "threads": 1, "progress": None}),
     "find_orbit": (lw.find_orbit, {"osc": OSC, "start": STATE, "cycles": 1, "settle": 3}),
     "exponents": (lw.exponents, {"osc": OSC, "start": "rest", "phase": 0.0, "settle": 1,
                                  "record": 2}),
@@ -211,8 +215,8 @@ CASES = {
     "Numerics": (Numerics, {**NUMERICS, "copy_repeats": True}),
 }
 # Enumerations and errors are Python's own; a version is a text; a bar is a context.
-NOT_CALLED = {"EventKind", "MotionState", "Status", "__version__", "NoOrbit", "ParameterError",
-              "progress_bar"}
+NOT_CALLED = {"Ending", "EventKind", "MotionState", "Status", "__version__", "NoOrbit",
+              "ParameterError", "progress_bar"}
 # What a call may end in besides a result, TypeError and ValueError: documented at its place.
 ALLOWED = (NoOrbit, OSError, TransmissionErrorFileError, DeckError, StoreError)
 

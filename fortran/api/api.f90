@@ -9,22 +9,23 @@ module api
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   implicit none
   private
-  public :: sizes, trajectory, sweep, evaluate_table, find_period, code_values
+  public :: sizes, trajectory, sweep, destinations, evaluate_table, find_period, code_values
 
 contains
 
   !> Sizes of the arrays that Python allocates.
   subroutine sizes(n)
     use lapwing_api_marshal, only: all_sizes
-    integer(c_int), intent(out) :: n(10)  !! blob, work; log, cycle, sample columns; reals, choices;
-                                          !! tangent, outcome columns; longest period looked for
+    integer(c_int), intent(out) :: n(13)  !! blob, work; log, cycle, sample columns; reals, choices;
+                                          !! tangent, outcome columns; longest period looked for;
+                                          !! goal, end columns, size of a suspended run
     n = all_sizes
   end subroutine sizes
 
   !> Named codes in the order of `lapwing.codes`, for the test that both sides agree.
   subroutine code_values(values)
     use lapwing_api_marshal, only: all_codes
-    integer(c_int), intent(out) :: values(34)   !! the codes
+    integer(c_int), intent(out) :: values(37)   !! the codes
     values = all_codes
   end subroutine code_values
 
@@ -111,4 +112,27 @@ contains
     call go_on_with_sweep(flank, reals, choices, lines, starts, within, blobs, cycles, tangent, &
         density, log, outcome)
   end subroutine sweep
+
+  !> Go on with finding out where motions of one oscillator end.
+  subroutine destinations(flank, reals, choices, limits, goals, box, cells, starts, seconds, &
+      suspended, ends)
+    use lapwing_api_marshal, only: go_on_with_destinations
+    real(c_double), contiguous, intent(in) :: flank(:, :)         !! transmission error
+    real(c_double), contiguous, intent(in) :: reals(:)            !! real parameters
+    integer(c_int), contiguous, intent(in) :: choices(:)          !! integer parameters
+    integer(c_int), contiguous, intent(in) :: limits(:)           !! (3) cycles of a run, returns,
+                                                                  !! recurrences
+    real(c_double), contiguous, intent(in) :: goals(:, :)         !! (columns, n) states of known
+                                                                  !! periodic motions
+    real(c_double), contiguous, intent(in) :: box(:)              !! (4) phi, phi' that cells span
+    integer(c_int), contiguous, intent(in) :: cells(:, :)         !! aperiodic motion of each cell
+    real(c_double), contiguous, intent(in) :: starts(:, :)        !! (4, n) -1 rest, or motion
+                                                                  !! state; phi, phi', phase
+    real(c_double), intent(in) :: seconds                         !! for this call
+    real(c_double), contiguous, intent(inout) :: suspended(:)     !! next start; its run under way
+    real(c_double), contiguous, intent(inout) :: ends(:, :)       !! (columns, n) how each ended
+    !f2py threadsafe
+    call go_on_with_destinations(flank, reals, choices, limits, goals, box, cells, starts, &
+        seconds, suspended, ends)
+  end subroutine destinations
 end module api

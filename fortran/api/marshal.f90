@@ -17,6 +17,8 @@ module lapwing_api_marshal
   use lapwing_run, only: run_to, deadline_in
   use lapwing_system_start, only: start_of_run
   use lapwing_run_checkpoint, only: blob_size, work_size, pack_blob, unpack_blob
+  use lapwing_run_destination, only: known_t, follow_starts, goal_columns, end_columns, &
+      suspended_size
   use lapwing_run_sweep, only: sweep_t, line_t, sweep_lines, stage_done, &
       outcome_columns
   use lapwing_observers_tangent, only: tangent_columns
@@ -25,7 +27,7 @@ module lapwing_api_marshal
   implicit none
   private
   public :: all_sizes, all_codes, evaluate, period_of_rows, go_on_with_trajectory
-  public :: go_on_with_sweep
+  public :: go_on_with_sweep, go_on_with_destinations
 
   !> force, Omega, flank scale, peak-to-peak of g, xi, epsilon, theta0, rtol, chatter tolerance,
   !> count depth, graze distance, slowest and fastest impact binned, mean acceleration
@@ -36,8 +38,9 @@ module lapwing_api_marshal
   !> flights wanted; whether bounces that do not count may be summed
   integer, parameter :: n_choices = 19
 
-  integer(c_int), parameter :: all_sizes(10) = [blob_size, work_size, log_columns, cycle_columns, &
-      sample_columns, n_reals, n_choices, tangent_columns, outcome_columns, most_looked_for]
+  integer(c_int), parameter :: all_sizes(13) = [blob_size, work_size, log_columns, cycle_columns, &
+      sample_columns, n_reals, n_choices, tangent_columns, outcome_columns, most_looked_for, &
+      goal_columns, end_columns, suspended_size]
 
   !> The transmission error as the engine takes it; of a series the table is one empty piece.
   type :: flank_data_t
@@ -273,4 +276,38 @@ contains
       lines(4:5, i) = [line(i)%point, line(i)%stage]
     end do
   end subroutine go_on_with_sweep
+
+  !> See `api`.
+  subroutine go_on_with_destinations(flank, reals, choices, limits, goals, box, cells, starts, &
+      seconds, suspended, ends)
+    real(c_double), intent(in) :: flank(:, :)                       !! see `api`
+    real(c_double), intent(in) :: reals(:)                          !! (n_reals)
+    integer(c_int), intent(in) :: choices(:)                        !! (n_choices)
+    integer(c_int), intent(in) :: limits(3)                         !! cycles, returns, recurrences
+    real(c_double), intent(in), target, contiguous :: goals(:, :)   !! see `destination`
+    real(c_double), intent(in) :: box(4)                            !! that cells span
+    integer(c_int), intent(in), target, contiguous :: cells(:, :)   !! see `destination`
+    real(c_double), intent(in) :: starts(:, :)                      !! (4, n)
+    real(c_double), intent(in) :: seconds                           !! for this call
+    real(c_double), intent(inout) :: suspended(:)                   !! see `destination`
+    real(c_double), intent(inout) :: ends(:, :)                     !! (end_columns, n)
+    class(oscillator_t), allocatable, target :: system
+    class(flow_t), allocatable, target :: flow
+    type(flank_data_t) :: data
+    type(numerics_t) :: numerics
+    type(known_t) :: known
+    integer :: error
+    numerics = numerics_from(reals, choices)
+    call take_flank(flank, data, error)
+    if (error == 0) call make_system(parameters_from(reals, choices), data%knots, &
+        data%coefficients, data%kinks, data%series, system, error)
+    if (error == 0) call make_flow(numerics%method, system, flow, error)
+    if (error /= 0) then
+      ends(1, nint(suspended(1)):) = status_out_of_memory
+      suspended(:2) = [size(starts, 2) + 1, 0]
+      return
+    end if
+    known = known_t(goals, cells, box, limits(1), limits(2), limits(3))
+    call follow_starts(system, flow, numerics, known, starts, deadline_in(seconds), suspended, ends)
+  end subroutine go_on_with_destinations
 end module lapwing_api_marshal

@@ -12,6 +12,7 @@ module lapwing_codes
   public :: event_near_graze, event_kind
   public :: status_ok, status_too_many_events, status_too_many_steps
   public :: status_step_too_small, status_not_finite, status_unfinished, status_out_of_memory
+  public :: end_unknown, end_certain, end_presumed
   public :: all_codes
 
   ! Motion states
@@ -59,6 +60,11 @@ module lapwing_codes
   integer, parameter :: status_unfinished = 5
   integer, parameter :: status_out_of_memory = 6
 
+  ! How sure it is where a motion ends
+  integer, parameter :: end_unknown = 0
+  integer, parameter :: end_certain = 1
+  integer, parameter :: end_presumed = 2
+
   !> All of them, in the order of `lapwing.base.codes`, for the test that both sides agree.
   integer, parameter :: all_codes(*) = [separation, engagement, back_engagement, &
       no_flank, drive_flank, coast_flank, event_impact, event_impact + 1, event_release, &
@@ -67,7 +73,7 @@ module lapwing_codes
       law_restitution, law_compliant, law_rigid, law_relative, law_absolute, gap_one_sided, &
       gap_symmetric, gap_one_flank, status_ok, status_too_many_events, status_too_many_steps, &
       status_step_too_small, status_not_finite, status_unfinished, status_out_of_memory, &
-      method_rk4, method_exact]
+      method_rk4, method_exact, end_unknown, end_certain, end_presumed]
 
 contains
 

@@ -12,7 +12,7 @@ module lapwing_run
   use lapwing_system, only: system_t, instant_t
   implicit none
   private
-  public :: run_to, deadline_in
+  public :: run_to, deadline_in, past, segments_per_look
 
   !> Segments between two looks at the clock: some 30 microseconds.
   integer, parameter :: segments_per_look = 128
@@ -113,6 +113,7 @@ contains
     deadline_in = now + int(seconds*rate, int64)
   end function deadline_in
 
+  !> Whether the clock has come to a deadline.
   logical function past(deadline)
     integer(int64), intent(in) :: deadline           !! clock count
     integer(int64) :: now

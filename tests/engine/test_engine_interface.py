@@ -68,7 +68,7 @@ def test_a_procedure_has_few_arguments(name):
 
 def test_codes_are_those_of_the_engine():
     mirrored = (codes.MotionState, codes.Flank, codes.EventKind, codes.ContactLaw,
-                codes.ImpactLaw, codes.Gap, codes.Status, codes.Method)
+                codes.ImpactLaw, codes.Gap, codes.Status, codes.Method, codes.Ending)
     assert api.code_values().tolist() == [int(c) for c in itertools.chain(*mirrored)]
 
 
@@ -80,7 +80,7 @@ def test_the_order_of_the_codes_is_that_of_their_names():
     for enum, prefix in ((codes.MotionState, ""), (codes.Flank, ""), (codes.EventKind, "event_"),
                          (codes.ContactLaw, "law_"), (codes.ImpactLaw, "law_"),
                          (codes.Gap, "gap_"), (codes.Status, "status_"),
-                         (codes.Method, "method_")):
+                         (codes.Method, "method_"), (codes.Ending, "end_")):
         for member in enum:
             plain = member.name.lower()
             if enum is codes.Flank:
@@ -96,12 +96,15 @@ def test_sizes_are_those_of_the_engine():
     assert api.sizes().tolist() == [
         calls.BLOB_SIZE, calls.WORK_SIZE, calls.LOG_COLUMNS, calls.CYCLE_COLUMNS,
         calls.SAMPLE_COLUMNS, calls.N_REALS, calls.N_CHOICES,
-        calls.TANGENT_COLUMNS, calls.OUTCOME_COLUMNS, calls.MOST_LOOKED_FOR]
+        calls.TANGENT_COLUMNS, calls.OUTCOME_COLUMNS, calls.MOST_LOOKED_FOR,
+        calls.GOAL_COLUMNS, calls.END_COLUMNS, calls.SUSPENDED_SIZE]
     for table, size in ((records.EVENT_TABLE, calls.LOG_COLUMNS),
                         (records.SAMPLE_TABLE, calls.SAMPLE_COLUMNS),
                         (records.CYCLE_TABLE, calls.CYCLE_COLUMNS),
                         (records.TANGENT_TABLE, calls.TANGENT_COLUMNS),
-                        (records.OUTCOME_TABLE, calls.OUTCOME_COLUMNS)):
+                        (records.OUTCOME_TABLE, calls.OUTCOME_COLUMNS),
+                        (engine.GOAL_TABLE, calls.GOAL_COLUMNS),
+                        (engine.END_TABLE, calls.END_COLUMNS)):
         assert table.itemsize == 8 * size
 
 

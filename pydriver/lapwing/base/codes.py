@@ -81,6 +81,14 @@ class Status(IntEnum):
     OUT_OF_MEMORY = 6
 
 
+class Ending(IntEnum):
+    """How sure it is where a motion ends."""
+
+    UNKNOWN = 0
+    CERTAIN = 1
+    PRESUMED = 2
+
+
 class SearchStage(IntEnum):
     """Why a value was tried in the search for a critical value; the engine knows nothing of it."""
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from lapwing.base.codes import (
     BranchOutcome,
+    Ending,
     EventKind,
     Flank,
     MotionState,
@@ -95,7 +96,8 @@ CODES: dict[str, type[IntEnum]] = {
     "status": Status, "motion_state": MotionState, "event_kind": EventKind, "kind": EventKind,
     "impact_flank": Flank, "trial_stage": SearchStage, "special_kind": SpecialPoint,
     "special_outcome": BranchOutcome, "special_flank": Flank, "range_low_kind": SpecialPoint,
-    "range_high_kind": SpecialPoint}
+    "range_high_kind": SpecialPoint, "ending": Ending, "point_motion_state": MotionState,
+    "start_motion_state": MotionState}
 RATE = "rad per tau"
 # Columns of each table, in the engine's order: name -> unit. Velocities of an event are relative
 # to the flank touched; `t` is the time since the cycle's beginning; `flight_depth` the greatest
@@ -232,6 +234,22 @@ DESCRIPTIONS: dict[str, tuple[str | None, str]] = {
     "range_cycles": ("1", "mesh cycles after which the motion repeats"),
     "range_low_kind": (None, "special point at the lower end of the stable range"),
     "range_high_kind": (None, "special point at the upper end of the stable range"),
+    "attractor": ("1", "number of the attractor, from 1"),
+    "attractor_of_run": ("1", "number of the attractor that the run ends in, 0: not resolved"),
+    "ending": (None, "how sure it is where the run ends"),
+    "followed_cycles": ("1", "mesh cycles until the end was known"),
+    "residual": ("1", "by how much the refined motion misses itself, part of its size"),
+    "runs_ended": ("1", "runs that end in the attractor"),
+    "share": ("1", "part of the starts that end in the attractor"),
+    "share_low": ("1", "part of the starts that end in the attractor, lower 95 % limit"),
+    "share_high": ("1", "part of the starts that end in the attractor, upper 95 % limit"),
+    "point_motion_state": (None, "motion state of the attractor at mesh phase 0"),
+    "point_phi": ("rad", "relative angle of the attractor at mesh phase 0"),
+    "point_phi_dot": ("rad", f"rate of phi of the attractor at mesh phase 0, {VELOCITY}"),
+    "start_motion_state": (None, "motion state of the start"),
+    "start_phi": ("rad", "relative angle of the start"),
+    "start_phi_dot": ("rad", f"rate of phi of the start, {VELOCITY}"),
+    "start_phase": ("1", "mesh phase of the start, in mesh periods"),
     **{name: (one.units, one.long_name) for name, one in PARAMETERS.items()},
 }
 

@@ -11,6 +11,7 @@ from lapwing.engine.calls import (
     position,
     thinned,
 )
+from lapwing.engine.destinations import END_TABLE, GOAL_TABLE, Known, destinations
 from lapwing.engine.methods import common_method, method_of, steps
 from lapwing.engine.numerics import METHODS, Numerics, Wanted, chosen
 from lapwing.engine.points import Points
@@ -26,8 +27,8 @@ from lapwing.engine.records import (
 )
 from lapwing.engine.sweeps import SweepResult, sweep
 
-__all__ = ["CALL_SECONDS", "GO_ON", "METHODS", "MOST_LOOKED_FOR", "OUTCOME_TABLE", "REST",
-           "Numerics", "Points", "SweepResult", "TrajectoryCall", "Wanted", "chosen",
-           "columns", "common_method", "find_period", "flank_motion", "impacts_of",
-           "method_of", "named", "numbers", "of_kind", "position", "steps", "sweep",
-           "thinned", "unknown", "work_counts"]
+__all__ = ["CALL_SECONDS", "END_TABLE", "GOAL_TABLE", "GO_ON", "METHODS", "MOST_LOOKED_FOR",
+           "OUTCOME_TABLE", "REST", "Known", "Numerics", "Points", "SweepResult", "TrajectoryCall",
+           "Wanted", "chosen", "columns", "common_method", "destinations", "find_period",
+           "flank_motion", "impacts_of", "method_of", "named", "numbers", "of_kind", "position",
+           "steps", "sweep", "thinned", "unknown", "work_counts"]

@@ -38,7 +38,8 @@ FIRST_LOG_ROOM, LOG_ROOM, CYCLE_ROOM = 1 << 10, 1 << 16, 1 << 12
 MOST_CHECKPOINTS = 64
 
 (BLOB_SIZE, WORK_SIZE, LOG_COLUMNS, CYCLE_COLUMNS, SAMPLE_COLUMNS, N_REALS, N_CHOICES,
- TANGENT_COLUMNS, OUTCOME_COLUMNS, MOST_LOOKED_FOR) = (int(n) for n in api.sizes())
+ TANGENT_COLUMNS, OUTCOME_COLUMNS, MOST_LOOKED_FOR, GOAL_COLUMNS, END_COLUMNS,
+ SUSPENDED_SIZE) = (int(n) for n in api.sizes())
 
 # How `trajectory` is told to begin, besides the number of a motion state.
 GO_ON, REST = -2.0, -1.0

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 import sys
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lapwing.model.oscillator import Oscillator
 
 # An angle is known to so many units of the last place of the largest angle it is computed from.
@@ -27,10 +30,13 @@ def rounding(osc: Oscillator) -> float:
 
 def coast_flank(osc: Oscillator, phase: float) -> float:
     """φ of the coast flank at a mesh phase, rad; minus infinity where there is none."""
-    depth = -osc.gap_width
-    if not osc.back_flank_te:
-        depth -= osc.flank_scale * float(osc.te.value(phase))
-    return depth
+    return float(coast_flanks(osc, np.array(phase)))
+
+
+def coast_flanks(osc: Oscillator, phases: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same at many mesh phases, an array of their shape."""
+    depth = np.full(phases.shape, -osc.gap_width)
+    return depth if osc.back_flank_te else depth - osc.flank_scale * osc.te.value(phases)
 
 
 def start_problem(osc: Oscillator, state: str, phi: float, phase: float) -> str | None:

@@ -15,6 +15,7 @@ from lapwing.base import arguments, estimates
 from lapwing.base.codes import MotionState, Status
 from lapwing.engine import Wanted
 from lapwing.engine.records import CYCLE_TABLE, SAMPLE
+from lapwing.model.start import coast_flank
 
 if TYPE_CHECKING:
     from lapwing.engine.numerics import Numerics
@@ -68,14 +69,11 @@ def start_grid(osc: Oscillator, grid: StartGrid,
     """
     estimates.require(START_BYTES * grid.phases * grid.positions * grid.speeds, "critical",
                       "starts (start_phases, start_positions or start_speeds)")
-    low, high = osc.flank_extrema
-    pull = max(abs(osc.force), osc.mesh_frequency_ratio**2 * (high - low))
     starts = []
     if osc.force >= 0 or osc.gap != "one_flank":
         starts.append((engine.REST, 0.0, 0.0, phase))
     for at in (phase + np.arange(grid.phases) / grid.phases) % 1.0:
-        depth = _depth(osc, at, pull)
-        fastest = math.sqrt(2 * pull * depth)
+        depth, fastest = reach(osc, at)
         for start in _in_cells(MotionState.SEPARATION, -depth, fastest, grid):
             starts.append((*start, float(at)))
         if osc.contact_law == "rigid":
@@ -87,13 +85,12 @@ def start_grid(osc: Oscillator, grid: StartGrid,
     return starts
 
 
-def _depth(osc: Oscillator, phase: float, pull: float) -> float:
-    """How far from the drive flank a start in separation may lie, rad."""
-    if osc.gap == "one_flank":
-        return 0.5 * pull * osc.period**2
-    if osc.back_flank_te:
-        return osc.gap_width
-    return osc.gap_width + osc.flank_scale * float(osc.te.value(phase))
+def reach(osc: Oscillator, phase: float) -> tuple[float, float]:
+    """How far from the drive flank a start in separation may lie, rad, and how fast it may be."""
+    low, high = osc.flank_extrema
+    pull = max(abs(osc.force), osc.mesh_frequency_ratio**2 * (high - low))
+    depth = 0.5 * pull * osc.period**2 if osc.gap == "one_flank" else -coast_flank(osc, phase)
+    return depth, math.sqrt(2 * pull * depth)
 
 
 def _in_cells(state: MotionState, farthest: float, fastest: float,
@@ -110,9 +107,7 @@ def fitted(osc: Oscillator,
     state, phi, phi_dot, phase = start
     if osc.gap == "one_flank" or state in (engine.REST, MotionState.ENGAGEMENT):
         return start
-    deepest = -osc.gap_width
-    if not osc.back_flank_te:
-        deepest -= osc.flank_scale * float(osc.te.value(phase))
+    deepest = coast_flank(osc, phase)
     if phi > deepest:  # in back engagement a tooth that no longer touches is separated
         return float(MotionState.SEPARATION), phi, phi_dot, phase
     return (state, phi if state == MotionState.BACK_ENGAGEMENT else deepest, phi_dot, phase)

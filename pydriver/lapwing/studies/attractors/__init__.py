@@ -1,0 +1,1 @@
+"""Every motion that starts lead to: attractors, their shares, and their basins."""
