@@ -16,9 +16,10 @@ contains
   !> Sizes of the arrays that Python allocates.
   subroutine sizes(n)
     use lapwing_api_marshal, only: all_sizes
-    integer(c_int), intent(out) :: n(13)  !! blob, work; log, cycle, sample columns; reals, choices;
+    integer(c_int), intent(out) :: n(14)  !! blob, work; log, cycle, sample columns; reals, choices;
                                           !! tangent, outcome columns; longest period looked for;
-                                          !! goal, end columns, size of a suspended run
+                                          !! goal, end columns, size of a suspended run; columns of
+                                          !! averages
     n = all_sizes
   end subroutine sizes
 

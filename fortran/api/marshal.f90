@@ -10,6 +10,7 @@ module lapwing_api_marshal
   use lapwing_system_oscillator, only: oscillator_t
   use lapwing_system_parameters, only: parameters_t
   use lapwing_polynomial_evaluation, only: max_degree
+  use lapwing_observers_averages, only: average_columns
   use lapwing_observers_deviations, only: deviations_of
   use lapwing_observers_period, only: period_of, most_looked_for
   use lapwing_observers_records, only: recorder_t, start_recording, start_watching, log_columns, &
@@ -35,12 +36,12 @@ module lapwing_api_marshal
   !> contact law, impact law, gap, back_flank_te, largest numbers of events and of steps in a
   !> cycle; events, impacts, grazes, strobe, cycles wanted; settling cycles, recorded cycles;
   !> method; tangent maps wanted; whether repeated cycles are copied; degrees of freedom; depths of
-  !> flights wanted; whether bounces that do not count may be summed
-  integer, parameter :: n_choices = 19
+  !> flights wanted; whether bounces that do not count may be summed; averages wanted (sweeps)
+  integer, parameter :: n_choices = 20
 
-  integer(c_int), parameter :: all_sizes(13) = [blob_size, work_size, log_columns, cycle_columns, &
+  integer(c_int), parameter :: all_sizes(14) = [blob_size, work_size, log_columns, cycle_columns, &
       sample_columns, n_reals, n_choices, tangent_columns, outcome_columns, most_looked_for, &
-      goal_columns, end_columns, suspended_size]
+      goal_columns, end_columns, suspended_size, average_columns]
 
   !> The transmission error as the engine takes it; of a series the table is one empty piece.
   type :: flank_data_t
@@ -260,6 +261,7 @@ contains
     sweep%kinks => data%kinks
     sweep%series => data%series
     sweep%recorder = recorder_from(reals(:, 1), choices)
+    sweep%recorder%want_averages = choices(20) == 1
     sweep%settle = choices(12)
     sweep%record = choices(13)
     sweep%cycles => cycles

@@ -5,9 +5,11 @@ module lapwing_observers_recorder
       event_kind
   use lapwing_flow, only: flow_t, work_t, instant_on
   use lapwing_hybrid_state, only: segment_t, event_t
+  use lapwing_observers_averages, only: average, averages_row
   use lapwing_observers_grazes, only: find_grazes
   use lapwing_observers_records, only: recorder_t, sums_t, log_line, is_arrival, forget_cycle, &
-      n_counters, max_flights, cycle_columns, sample_columns, flight_none, flight_whole
+      columns_of_averages, n_counters, max_flights, cycle_columns, sample_columns, flight_none, &
+      flight_whole
   use lapwing_observers_speeds, only: count_speed
   use lapwing_system, only: system_t, instant_t, frame_t
   use lapwing_observers_tangent, only: tangent_t, carry_along, jump, tangent_row
@@ -39,6 +41,7 @@ contains
     else if (self%want_depths) then
       call measure_flight(self%sums, system, flow, segment, work)
     end if
+    if (self%want_averages) call average(self%sums%averages, system, flow, self%deviations, segment)
     if (self%want_tangent) then
       call carry_along(self%sums%tangent, system, self%deviations, segment)
     end if
@@ -201,7 +204,7 @@ contains
   subroutine close_cycle(self, segment)
     type(recorder_t), intent(inout) :: self
     type(segment_t), intent(in) :: segment       !! segment that ends the cycle
-    integer :: counted, counted_back
+    integer :: counted, counted_back, others
     associate (sums => self%sums)
       call forget_shallow(self)
       counted = 0
@@ -212,8 +215,11 @@ contains
         self%cycles(:cycle_columns, sums%n_cycles) = [real(segment%begin%cycle, wp), sums%strobe, &
             sums%counter(1:2), real([counted, counted_back], wp), sums%counter(3:8), &
             sums%cycle_depth, sums%back_penetration, real(sums%states_visited, wp)]
-        self%cycles(cycle_columns + 1:, sums%n_cycles) = &
-            sums%strobe_others(:size(self%cycles, 1) - cycle_columns)
+        others = size(self%cycles, 1) - columns_of_averages(self)
+        self%cycles(cycle_columns + 1:others, sums%n_cycles) = &
+            sums%strobe_others(:others - cycle_columns)
+        if (self%want_averages) self%cycles(others + 1:, sums%n_cycles) = &
+            averages_row(sums%averages)
       end if
       if (self%want_tangent) then
         if (sums%n_cycles <= size(self%tangent, 2)) then

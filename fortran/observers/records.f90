@@ -4,6 +4,7 @@ module lapwing_observers_records
   use lapwing_kinds, only: wp
   use lapwing_codes, only: coast_flank, event_impact, event_engage, event_near_graze, event_kind
   use lapwing_hybrid_state, only: event_t
+  use lapwing_observers_averages, only: averages_t, average_columns
   use lapwing_observers_deviations, only: deviations_t
   use lapwing_observers_speeds, only: speed_density_t
   use lapwing_observers_tangent, only: tangent_t
@@ -11,14 +12,16 @@ module lapwing_observers_records
   implicit none
   private
   public :: recorder_t, sums_t, start_recording, start_watching, watches_flights, waits_for_room
-  public :: forget_cycle, log_has_room, log_line, is_arrival, flight_none, flight_whole
+  public :: columns_of_averages, forget_cycle, log_has_room, log_line, is_arrival
+  public :: flight_none, flight_whole
   public :: column_state, column_phi, column_counted, column_engages, column_chatter_ends
   public :: column_depth, column_visited
   public :: log_columns, cycle_columns, sample_columns, n_counters, max_flights, log_reserve
 
   !> Kind, cycle, t, phi, velocity before, after; depth of the flight before.
   integer, parameter :: log_columns = 7
-  ! With the other states of a system that has more than phi and phi' behind them:
+  ! With the other states of a system that has more than phi and phi' behind them, and `averages`
+  ! where they are wanted:
   integer, parameter :: cycle_columns = 17    !! see `close_cycle`; some of them by name:
   integer, parameter :: column_state = 2, column_phi = 3, column_counted = 7, column_engages = 11
   integer, parameter :: column_chatter_ends = 13, column_depth = 15, column_visited = 17
@@ -53,6 +56,7 @@ module lapwing_observers_records
     integer :: n_flights = 0                   !! flights of the cycle ended by an impact
     real(wp) :: flight(max_flights) = 0        !! their depths, negative: at the coast flank
     real(wp) :: fastest = 0                    !! of all arrivals recorded, rad per tau
+    type(averages_t) :: averages               !! integrals over the cycle so far
     type(tangent_t) :: tangent                 !! tangent map since the cycle began
   end type sums_t
 
@@ -65,13 +69,14 @@ module lapwing_observers_records
     logical :: want_cycles = .false.           !! statistics of each cycle
     logical :: want_tangent = .false.          !! tangent map of each cycle; wants the strobe too
     logical :: want_depths = .false.           !! depths of flights in the log
+    logical :: want_averages = .false.         !! integrals over each cycle; wants the cycles too
     logical :: want_unfinished = .false.       !! where a run ends, the cycle under way as well
     logical :: unfinished = .false.            !! whether there is one, behind those closed
-    type(deviations_t) :: deviations           !! how they move, for the tangent map
+    type(deviations_t) :: deviations           !! how they move, for tangent map and averages
     real(wp) :: graze_distance = 0             !! what is near, rad
     real(wp) :: count_depth = 0.01_wp          !! least depth of a counted flight / cycle's depth
     real(wp), pointer, contiguous :: log(:, :) => null()           !! (log_columns, room)
-    real(wp), pointer, contiguous :: cycles(:, :) => null()        !! (cycle_columns, room)
+    real(wp), pointer, contiguous :: cycles(:, :) => null()        !! (cycle_columns ..., room)
     real(wp), pointer, contiguous :: tangent(:, :) => null()       !! (tangent_columns, room)
     real(wp), pointer, contiguous :: sample_time(:, :) => null()   !! (2, n): cycle, time in it
     real(wp), pointer, contiguous :: samples(:, :) => null()       !! (sample_columns, n)
@@ -121,7 +126,14 @@ contains
     sums%back_penetration = 0
     sums%states_visited = 0
     sums%n_flights = 0
+    sums%averages = averages_t()
   end subroutine forget_cycle
+
+  !> Columns behind those of every line of the cycle table that the averages take.
+  pure integer function columns_of_averages(self)
+    type(recorder_t), intent(in) :: self
+    columns_of_averages = merge(average_columns, 0, self%want_averages)
+  end function columns_of_averages
 
   !> Whether the depth of each flight is followed.
   pure logical function watches_flights(self)

@@ -7,6 +7,7 @@ module lapwing_run_checkpoint
   use lapwing_kinds, only: wp, int64
   use lapwing_flow, only: work_t
   use lapwing_hybrid_state, only: hybrid_state_t
+  use lapwing_observers_averages, only: averages_t
   use lapwing_observers_records, only: sums_t, max_flights
   use lapwing_system, only: max_states
   use lapwing_observers_tangent, only: tangent_t
@@ -103,10 +104,24 @@ contains
     call pass(blob, at, writes, sums%cycle_depth)
     call pass(blob, at, writes, sums%back_penetration)
     call pass(blob, at, writes, sums%grazes_known_to)
+    call exchange_averages(blob, at, writes, sums%averages)
     call exchange_tangent(blob, at, writes, sums%tangent)
     call pass(blob, at, writes, sums%n_flights)
     call pass(blob, at, writes, sums%flight(:sums%n_flights))
   end subroutine exchange
+
+  !> The same of the integrals over the cycle so far.
+  pure subroutine exchange_averages(blob, at, writes, averages)
+    real(wp), intent(inout) :: blob(:)              !! (blob_size)
+    integer, intent(inout) :: at                    !! last place taken
+    logical, intent(in) :: writes                   !! into it
+    type(averages_t), intent(inout) :: averages     !! integrals since the cycle began
+    call pass(blob, at, writes, averages%time)
+    call pass(blob, at, writes, averages%phi)
+    call pass(blob, at, writes, averages%phi_square)
+    call pass(blob, at, writes, averages%force)
+    call pass(blob, at, writes, averages%peak)
+  end subroutine exchange_averages
 
   !> The same of a tangent map.
   pure subroutine exchange_tangent(blob, at, writes, tangent)

@@ -12,6 +12,7 @@ module lapwing_run_sweep
   use lapwing_run_method, only: make_system, make_flow
   use lapwing_system_oscillator, only: oscillator_t
   use lapwing_system_parameters, only: parameters_t
+  use lapwing_observers_averages, only: average_columns, averages_of
   use lapwing_observers_deviations, only: deviations_of
   use lapwing_observers_motion_class, only: motion_class, class_columns
   use lapwing_observers_records, only: recorder_t, start_recording, start_watching
@@ -26,9 +27,9 @@ module lapwing_run_sweep
   integer, parameter :: stage_start = 0, stage_settle = 1, stage_prepare = 2, stage_record = 3
   integer, parameter :: stage_done = 4
 
-  !> Status, lines of the log, motion state, phi, phi' at the end, class, fastest arrival, counts of
-  !> work.
-  integer, parameter :: outcome_columns = 5 + class_columns + 1 + work_size
+  !> Status, lines of the log, motion state, phi, phi' at the end, class, fastest arrival, averages
+  !> over a period (over all recorded cycles without one), counts of work.
+  integer, parameter :: outcome_columns = 5 + class_columns + 1 + average_columns + work_size
 
   !> What every point of a sweep has in common, and where results go.
   type :: sweep_t
@@ -251,9 +252,10 @@ contains
     type(recorder_t), intent(inout) :: recorder      !! recorder
     recorder%cycles => sweep%cycles(:, :, min(line%point, size(sweep%cycles, 3)))
     recorder%log => sweep%log(:, :, line%point)
-    if (.not. recorder%want_tangent) return
-    recorder%tangent => sweep%tangent(:, :, line%point)
-    recorder%deviations = deviations_of(system)
+    if (recorder%want_tangent) recorder%tangent => sweep%tangent(:, :, line%point)
+    if (recorder%want_tangent .or. recorder%want_averages) then
+      recorder%deviations = deviations_of(system)
+    end if
   end subroutine point_at_output
 
   !> Write a point's outcome, and make the next one ready.
@@ -265,21 +267,27 @@ contains
     type(work_t), intent(in) :: work                 !! counts
     integer, intent(in) :: status                    !! status_*
     real(wp), intent(inout) :: blob(:)               !! carried to the next point
-    real(wp) :: found(class_columns)
-    integer :: recorded
+    real(wp) :: found(class_columns), averages(average_columns)
+    integer :: recorded, first
     recorded = 0
     if (line%stage == stage_record) recorded = recorder%sums%n_cycles
     associate (rest => sweep%cycles(:, recorded + 1:, min(line%point, size(sweep%cycles, 3))))
       rest = ieee_value(rest, ieee_quiet_nan)
     end associate
     found = 0
+    averages = 0
     if (status == status_ok .and. recorder%want_cycles) then
       associate (point => sweep%point(line%point))
         found = motion_class(recorder%cycles, point%force, point%backlash, point%contact_law)
       end associate
+      if (recorder%want_averages) then
+        first = merge(sweep%record - nint(found(1)) + 1, 1, found(1) > 0)
+        averages = averages_of(recorder%cycles(size(recorder%cycles, 1) - average_columns + 1:, &
+            first:))
+      end if
     end if
     sweep%outcome(:, line%point) = [real(status, wp), real(recorder%sums%n_log, wp), final, &
-        found, recorder%sums%fastest, pack_work(work)]
+        found, recorder%sums%fastest, averages, pack_work(work)]
     blob(1:3) = final
     if (status /= status_ok) blob(1) = -1
     line%stage = stage_start

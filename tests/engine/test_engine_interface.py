@@ -97,7 +97,8 @@ def test_sizes_are_those_of_the_engine():
         calls.BLOB_SIZE, calls.WORK_SIZE, calls.LOG_COLUMNS, calls.CYCLE_COLUMNS,
         calls.SAMPLE_COLUMNS, calls.N_REALS, calls.N_CHOICES,
         calls.TANGENT_COLUMNS, calls.OUTCOME_COLUMNS, calls.MOST_LOOKED_FOR,
-        calls.GOAL_COLUMNS, calls.END_COLUMNS, calls.SUSPENDED_SIZE]
+        calls.GOAL_COLUMNS, calls.END_COLUMNS, calls.SUSPENDED_SIZE,
+        calls.AVERAGE_COLUMNS]
     for table, size in ((records.EVENT_TABLE, calls.LOG_COLUMNS),
                         (records.SAMPLE_TABLE, calls.SAMPLE_COLUMNS),
                         (records.CYCLE_TABLE, calls.CYCLE_COLUMNS),

@@ -5,12 +5,22 @@ import pytest
 
 from lapwing import Status, TransmissionError, parameter_map
 from lapwing.base.codes import MotionState
+from lapwing.base.quantities import OBSERVED
 from lapwing.plots import style
-from lapwing.plots.map import map_arrivals, map_classes, map_depth, parts
+from lapwing.plots.map import (
+    map_arrivals,
+    map_classes,
+    map_depth,
+    map_exponent,
+    map_force,
+    map_rms,
+    parts,
+)
 from lapwing.report.map.text import findings, headline, map_text
 from lapwing.results.findings import KINDS, map_kinds, map_rattles
 from lapwing_bench.scenes import PAIR
 
+FIGURES = (map_classes, map_depth, map_arrivals, map_exponent, map_force, map_rms)
 TE = TransmissionError.harmonic([17e-6, 4.5e-6, 1.5e-6], [0.0, 1.0, 2.0], [1, 2, 3])
 
 
@@ -18,7 +28,7 @@ TE = TransmissionError.harmonic([17e-6, 4.5e-6, 1.5e-6], [0.0, 1.0, 2.0], [1, 2,
 def plane():
     data = parameter_map(PAIR, TE, {"pinion_speed_rpm": np.linspace(500, 3000, 6),
                                     "brake_torque": np.linspace(0.5, 13, 8)},
-                         settle=100, record=50, threads=2)
+                         settle=100, record=50, threads=2, observe=tuple(OBSERVED))
     full = ("pinion_speed_rpm", np.linspace(1.0, 40.0, 6))
     return data.assign(full_engagement=full).assign_attrs(
         name="plane", x_parameter="pinion_speed_rpm", y_parameter="brake_torque")
@@ -29,7 +39,8 @@ def lost(data, status, where):
     data = data.copy(deep=True)
     data["status"].values[where] = status
     for name in ("deepest_separation", "fastest_arrival", "impacts_per_cycle",
-                 "back_impacts_per_cycle", "deepest_back_penetration"):
+                 "back_impacts_per_cycle", "deepest_back_penetration",
+                 *(one for names in OBSERVED.values() for one in names)):
         data[name].values[where] = np.nan
     for name in ("period", "arrivals", "back_arrivals", "chatter", "states_visited"):
         data[name].values[where] = 0
@@ -101,10 +112,10 @@ def test_nothing_known_says_so(plane, status):
     assert findings(data) == []
     assert "nothing is known" in map_text(data)[-1]
     assert headline(data).startswith("0 of 48 runs")
-    assert not any(figure.shows(data) for figure in (map_classes, map_depth, map_arrivals))
+    assert not any(figure.shows(data) for figure in FIGURES)
 
 
-@pytest.mark.parametrize("figure", [map_classes, map_depth, map_arrivals])
+@pytest.mark.parametrize("figure", FIGURES)
 @pytest.mark.parametrize("damage", [None, Status.UNFINISHED, Status.TOO_MANY_EVENTS])
 def test_figures_tell_failed_from_missing(plane, figure, damage):
     data = plane
@@ -123,7 +134,7 @@ def test_figures_tell_failed_from_missing(plane, figure, damage):
     assert axis.get_ylabel() == "braking torque (N·m)"
 
 
-@pytest.mark.parametrize("figure", [map_classes, map_depth, map_arrivals])
+@pytest.mark.parametrize("figure", FIGURES)
 def test_of_more_values_than_pixels_some_are_drawn_and_the_axis_says_so(plane, figure, monkeypatch):
     monkeypatch.setattr(parts, "MOST_VALUES", 3)
     axis = figure.draw(plane).axes[0]
@@ -215,3 +226,56 @@ def test_logarithmic_and_single_values_can_be_drawn():
             axis = figure.draw(data).axes[0]
             assert axis.get_xscale() == ("log" if len(speeds) > 1 else "linear")
         assert findings(data)
+
+
+def test_what_was_asked_for_besides_is_told_where_it_is_known(plane):
+    text = "\n".join(map_text(plane))
+    peak = plane["mesh_force_peak"]
+    place = peak.where(peak == peak.max(), drop=True)
+    assert (f"to {float(peak.max()):.4g} N, the largest at pinion speed "
+            f"{float(place['pinion_speed_rpm'][0]):g} rpm and brake torque "
+            f"{float(place['brake_torque'][0]):g} N·m") in text
+    share = 100 * float(plane["engagement_share"].mean())
+    assert f"{share:.3g} % in engagement" in text
+    rate = plane["lyapunov_exponent"].values
+    assert f"above 0 in {100 * (rate > 0).mean():.3g} % of 48 runs" in text
+    assert "of chaos" in text and "graze" not in text
+    some = plane.copy(deep=True)
+    some["lyapunov_exponent"].values[0, :2] = np.nan
+    some["mesh_force_peak"].values[:] = np.nan
+    text = "\n".join(map_text(some))
+    assert "of 46 runs" in text and "not known in 2 runs that graze a flank" in text
+    assert "peak mesh force, impacts apart: not known, the rigid" in text
+    plain = "\n".join(map_text(plane.drop_vars([
+        name for names in OBSERVED.values() for name in names])))
+    assert "Lyapunov" not in plain and "rms" not in plain and "time of all runs" not in plain
+
+
+def test_an_exponent_without_a_number_has_a_colour_of_its_own(plane):
+    data = plane.copy(deep=True)
+    data["lyapunov_exponent"].values[0, 0] = -np.inf
+    data["lyapunov_exponent"].values[1, 1] = np.nan
+    words = [text.get_text() for text in map_exponent.draw(data).legends[0].get_texts()]
+    assert any(word.startswith("-∞") for word in words)
+    assert any(word.startswith("not known") for word in words)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_last_rattling_torque_is_drawn_where_the_map_knows_it(plane, turned):
+    if turned:
+        plane = plane.assign_attrs(x_parameter="brake_torque", y_parameter="pinion_speed_rpm")
+    speeds, torques = plane["pinion_speed_rpm"].values, plane["brake_torque"].values
+    rattles = map_rattles(plane).transpose("pinion_speed_rpm", "brake_torque").values
+    lost_one = plane.copy(deep=True)
+    lost_one["status"].values[4, -1] = Status.UNFINISHED
+    lost_one["states_visited"].values[4, -1] = 0
+    for data, unknown in ((plane, None), (lost_one, 4)):
+        axis = parts.new_plane("")[1]
+        parts.cells(axis, data, np.zeros((8, 6)[:: -1 if turned else 1]), cmap="viridis")
+        assert parts.mark_last_rattling(axis, data)
+        edges, line = axis.lines[-1].get_data()[:: -1 if turned else 1]
+        assert len(edges) == len(speeds) + 1
+        for i in range(len(speeds)):
+            told = rattles[i].any() and not rattles[i, -1] and i != unknown
+            last = torques[rattles[i]].max() + 0.5 * np.diff(torques)[0] if told else np.nan
+            np.testing.assert_allclose(line[i], last)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import math
 import shutil
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,8 @@ LOG_BYTES = 1 << 25
 STORED_SAMPLE = 6 * 8 + 4 + 1
 STORED_CYCLE = sum(4 if unit == "1" else 8 for name, unit in quantities.CYCLE.items()
                    if name != "cycle")
-# A run of a map: status, period, arrivals at both flanks, chatter, states; five real numbers.
+# A run of a map: status, period, arrivals at both flanks, chatter, states; five real numbers; what
+# is asked for besides comes on top (`map_run`).
 MAP_RUN = 1 + 2 + 2 * 4 + 1 + 1 + 5 * REAL
 # Deflate makes no more of it; a figure in its two formats is never smaller.
 PACKED, FIGURE = 1032, 20_000
@@ -42,6 +44,11 @@ def sweep_bytes(points: int, record: int, cycles: bool = True, impacts: bool = F
     row = CYCLE * cycles + TANGENT * exponents
     logged = min(points, log_points(max_impacts)) * LOG * max_impacts * impacts
     return REAL * (points * record * row + logged)
+
+
+def map_run(observe: Iterable[str] | None) -> int:
+    """Bytes of a run of a map that is asked for some of `quantities.OBSERVED`."""
+    return MAP_RUN + REAL * sum(len(quantities.OBSERVED[one]) for one in observe or ())
 
 
 def log_points(room: int) -> int:

@@ -109,6 +109,15 @@ CYCLE = {"cycle": "1", "motion_state": "1", "phi": "rad", "phi_dot": RATE} | dic
     ("impacts", "back_impacts", "counted_impacts", "counted_back_impacts", "releases",
      "back_releases", "engages", "back_engages", "chatter_ends", "back_chatter_ends"), "1") | {
          "deepest_separation": "rad", "deepest_back_penetration": "rad", "states_visited": "1"}
+# Integrals over cycles, where they are wanted (fortran/observers/averages.f90): time by motion
+# state, phi, phi**2 and the force of spring and damper over k'*lever; its largest magnitude.
+AVERAGES = {"separation_time": "1", "engagement_time": "1", "back_engagement_time": "1",
+            "phi_integral": "rad", "phi_square_integral": "rad2", "force_integral": "rad",
+            "force_peak": "rad"}
+# What a map can be asked to keep of each run besides, and the variables that it adds.
+SHARES = {f"{state.name.lower()}_share": f"{state.name.lower()}_time" for state in MotionState}
+OBSERVED = {"rms": ("phi_rms",), "forces": ("mesh_force_mean", "mesh_force_peak"),
+            "exponent": ("lyapunov_exponent",), "shares": tuple(SHARES)}
 # Lines of the tangent map behind its matrix: fortran/observers/tangent.f90.
 TANGENT = ("exponent", "log_det", "det_sign", "rank", "drive_time", "coast_time", "impacts",
            "log_rebound", "graze_depth")
@@ -149,6 +158,8 @@ DESCRIPTIONS: dict[str, tuple[str | None, str]] = {
     "dynamic_te_rms": ("rad", "root mean square of the dynamic transmission error about its mean"),
     "dynamic_te_peak_to_peak": ("rad", "greatest less least dynamic transmission error, of even "
                                 "samples"),
+    **{name: ("1", f"share of time in {name.removesuffix('_share').replace('_', ' ')}")
+       for name in SHARES},
     "impact_force_mean": ("N", "impulse of the impacts per time"),
     "impacts": ("1", "impacts at the drive flank, all"),
     "back_impacts": ("1", "impacts at the coast flank, all"),

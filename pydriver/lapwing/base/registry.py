@@ -80,8 +80,10 @@ STUDIES = {study.kind: study for study in (
           "studies.critical.study", "report.critical", ("critical_search", "fit_orders"), turn=2,
           place=1),
     Study("map", "map", "deck.keys.map:MapKeys", "studies.map.study", "report.map.text",
-          ("map.map_classes", "map.map_depth", "map.map_arrivals"), turn=4, place=4,
-          few=("map.map_classes",)),
+          ("map.map_classes", "map.map_depth", "map.map_arrivals", "map.map_exponent",
+           "map.map_force", "map.map_rms"), turn=4, place=4,
+          # Those after the first are of quantities that a deck must ask for.
+          few=("map.map_classes", "map.map_exponent", "map.map_force", "map.map_rms")),
     Study("ensemble", "ensemble", "deck.keys.ensemble:EnsembleKeys", "studies.ensemble.study",
           "report.ensemble.text", ("ensemble.distributions", "ensemble.tornado"), turn=5,
           place=5))}

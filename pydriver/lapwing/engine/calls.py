@@ -39,7 +39,7 @@ MOST_CHECKPOINTS = 64
 
 (BLOB_SIZE, WORK_SIZE, LOG_COLUMNS, CYCLE_COLUMNS, SAMPLE_COLUMNS, N_REALS, N_CHOICES,
  TANGENT_COLUMNS, OUTCOME_COLUMNS, MOST_LOOKED_FOR, GOAL_COLUMNS, END_COLUMNS,
- SUSPENDED_SIZE) = (int(n) for n in api.sizes())
+ SUSPENDED_SIZE, AVERAGE_COLUMNS) = (int(n) for n in api.sizes())
 
 # How `trajectory` is told to begin, besides the number of a motion state.
 GO_ON, REST = -2.0, -1.0
@@ -76,7 +76,7 @@ def choices(osc: Oscillator, numerics: Numerics, method: str, wanted: Wanted, se
              numerics.max_steps_per_cycle, wanted.events, wanted.impacts, wanted.grazes,
              wanted.strobe or wanted.tangent, wanted.cycles, settle, record,
              Method[method.upper()], wanted.tangent, numerics.copy_repeats, osc.degrees_of_freedom,
-             wanted.depths, not wanted.bounces)
+             wanted.depths, not wanted.bounces, wanted.averages)
     return np.array([int(code) for code in codes], dtype=np.intc)
 
 

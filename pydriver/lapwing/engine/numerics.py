@@ -67,7 +67,8 @@ class Wanted:
     Without `bounces` those of a complete chatter that do not count are summed as soon as the sum is
     right to `chatter_tol`, not followed one by one; then no impacts, events or tangents are wanted.
     `depths` are those of the flights that end with an event; `speed_edges` (rad per τ, of equal
-    ratio; sweeps only) are the bins of impact speeds.
+    ratio; sweeps only) are the bins of impact speeds; `averages` (sweeps only; want cycles) are
+    `records.AVERAGES` in the outcome.
     """
 
     bounces: bool = True
@@ -78,6 +79,7 @@ class Wanted:
     strobe: bool = False
     cycles: bool = False
     tangent: bool = False
+    averages: bool = False
     graze_distance: float = 0.0
     speed_edges: tuple[float, ...] = ()
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lapwing.base.codes import EventKind
+from lapwing.base.quantities import AVERAGES as AVERAGES
 from lapwing.base.quantities import CYCLE as CYCLE
 from lapwing.base.quantities import EVENT as EVENT
 from lapwing.base.quantities import RATE, TANGENT
@@ -38,8 +39,9 @@ MEAN_TABLE = np.dtype([(name, float) for name in MEAN])
 CLASS = ("period", "arrivals", "back_arrivals", "chatter")
 # ... and what they come to: extremes of all recorded cycles, and the fastest arrival (rad per tau).
 EXTREMES = ("deepest_separation", "deepest_back_penetration", "states_visited", "fastest_arrival")
+# ... and integrals over the last period (over all cycles without one), where they are wanted.
 OUTCOME_TABLE = np.dtype([(name, float) for name in ("status", "logged", *SAMPLE, *CLASS,
-                                                     *EXTREMES)]
+                                                     *EXTREMES, *AVERAGES)]
                          + [("work", float, (len(WORK_NAMES),))])
 
 

@@ -73,7 +73,8 @@ class _Tables(NamedTuple):
         """Tables of all points; of cycles the engine fills all rows, also those not reached."""
         n, more = len(points), 2 * points.shared.degrees_of_freedom - 2
         by_cycle = wanted.cycles or wanted.strobe or wanted.tangent
-        cycles = np.empty((calls.CYCLE_COLUMNS + more, record if by_cycle else 1,
+        columns = calls.CYCLE_COLUMNS + more + calls.AVERAGE_COLUMNS * wanted.averages
+        cycles = np.empty((columns, record if by_cycle else 1,
                            n if keep_cycles else 1), order="F")
         width = tangent_table(2 + more).itemsize // 8
         tangent = np.full((width, *((record, n) if wanted.tangent else (1, 1))), np.nan, order="F")
@@ -174,7 +175,9 @@ def sweep(points: Any, lines: Any, starts: Any, *, numerics: Numerics, wanted: W
         if interrupted:
             break
     tables.forget_unfinished()
-    cycles, means = with_means(tables.cycles.transpose(2, 1, 0), CYCLE_TABLE)
+    # What the averages are made of stands behind the columns of the table.
+    width = len(tables.cycles) - calls.AVERAGE_COLUMNS * wanted.averages
+    cycles, means = with_means(tables.cycles[:width].transpose(2, 1, 0), CYCLE_TABLE)
     states = 2 * shared.degrees_of_freedom
     kept, events = (np.zeros(n, int), np.empty(0, log_table)) if logs is None else (
         logs.kept, logs.listed())

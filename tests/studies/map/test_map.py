@@ -20,8 +20,9 @@ from lapwing.results import shards as stored
 from lapwing.results.shards import Shard, discard_shards, read_shard, shard_path, shards_in
 from lapwing.studies.map import shards
 from lapwing.studies.map.cut import Cut, shard_size
+from lapwing.studies.map.observed import KEPT
 from lapwing.studies.map.run import job_of
-from lapwing.studies.map.shards import KEPT, carried_out
+from lapwing.studies.map.shards import carried_out
 from lapwing.studies.map.work import Found
 from lapwing_bench.scenes import PAIR
 
@@ -42,7 +43,7 @@ def numbers_of(found):
 @pytest.fixture
 def every_bounce(monkeypatch):
     """Maps follow bounce after bounce, as sweeps do."""
-    monkeypatch.setattr(shards, "Wanted", lambda **wanted: Wanted(**{**wanted, "bounces": True}))
+    monkeypatch.setattr(shards, "wanted", lambda _: Wanted(cycles=True))
 
 
 @pytest.mark.parametrize("start", ["rest", "up", "down"])

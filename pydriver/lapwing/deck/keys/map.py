@@ -77,6 +77,10 @@ class MapKeys(StudyKeys):
         "work, and at least 64 shards; of carried columns whole ones, or a part of one; no result "
         "depends on it", example=10_000, ge=1,
         le=10_000_000)
+    observe: list[Literal["rms", "forces", "exponent", "shares"]] | None = key(
+        None, "what is kept of each run besides: rms of φ; mean and peak mesh force; largest "
+        "Lyapunov exponent; share of time in each motion state", example=["forces", "exponent"],
+        min_length=1)
     rtol: float | None = key(None, "relative tolerance; left out: that of &numerics, else 1e-6",
                              example=1e-6, ge=1e-13, le=1e-2)
     figures: figures_of("map") | None = figures_key()  # type: ignore[valid-type]
@@ -85,6 +89,8 @@ class MapKeys(StudyKeys):
         """See `StudyKeys`: the values of both axes, and oscillators at their corners."""
         report = builder.report
         axes = {}
+        if len(set(self.observe or ())) != len(self.observe or ()):
+            report.add(reader.places["observe"], "observe: expected each once")
         for side in "xy":
             axis: Any = _Axis(reader, side)
             name = parameter_name(axis.keys.parameter)
@@ -119,11 +125,11 @@ class MapKeys(StudyKeys):
 
     def memory(self, asked: Asked) -> tuple[int, str]:
         """See `StudyKeys`: of the whole map, put together from its shards."""
-        return estimates.MAP_RUN * _runs(asked), "the numbers of values"
+        return estimates.map_run(self.observe) * _runs(asked), "the numbers of values"
 
     def disk(self, asked: Asked) -> tuple[int, int]:
         """See `StudyKeys`."""
-        return estimates.MAP_RUN * _runs(asked), 1
+        return estimates.map_run(self.observe) * _runs(asked), 1
 
 
 def _runs(asked: Asked) -> int:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from lapwing.base.codes import Status
 from lapwing.plots import style
 from lapwing.plots.sweep.parts import axis_label, edges_of, is_log
+from lapwing.results.findings import map_rattles
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -125,12 +126,47 @@ def patch(colour: Any, label: str) -> Any:
     return Patch(facecolor=colour, edgecolor="0.6", linewidth=0.5, label=label)
 
 
-def none_cells(axis: Axes, data: xr.Dataset, none: NDArray[np.bool_]) -> list[Any]:
-    """Draw cells (y, x) where there is none of what is shown; entries for the legend."""
+def cells_of(axis: Axes, data: xr.Dataset, where: NDArray[np.bool_], colour: Any,
+             words: str) -> list[Any]:
+    """Draw cells (y, x) of one colour; entries for the legend, none where there is no such cell."""
     from matplotlib.colors import ListedColormap
 
-    cells(axis, data, np.where(none, 0.0, np.nan), cmap=ListedColormap([NONE]))
-    return [patch(NONE, "none")] * bool(none.any())
+    cells(axis, data, np.where(where, 0.0, np.nan), cmap=ListedColormap([colour]))
+    return [patch(colour, words)] * bool(where.any())
+
+
+def none_cells(axis: Axes, data: xr.Dataset, none: NDArray[np.bool_]) -> list[Any]:
+    """Draw cells (y, x) where there is none of what is shown; entries for the legend."""
+    return cells_of(axis, data, none, NONE, "none")
+
+
+def has_sizes(data: xr.Dataset, name: str) -> bool:
+    """Whether some run has such a number above 0."""
+    return name in data and bool((known(data) & (plane(data, name) > 0)).any())
+
+
+def sizes(data: xr.Dataset, name: str, factor: float, title: str, label: str) -> Figure:
+    """Draw a variable that is nowhere negative, on a logarithmic scale; grey where it is 0.
+
+    Parameters
+    ----------
+    data : xarray.Dataset, a map
+    name, factor : the variable, and what it is multiplied by
+    title, label : of the figure, and of the scale
+    """
+    from matplotlib.colors import LogNorm
+
+    data = thinned(data)
+    values = factor * plane(data, name)
+    figure, axis = new_plane(title.removeprefix(": "))
+    handles = none_cells(axis, data, known(data) & (values == 0))
+    some = np.where(known(data) & (values > 0), values, np.nan)
+    low, high = np.nanpercentile(some, 1), np.nanmax(some)
+    drawn = cells(axis, data, some, cmap="viridis", norm=LogNorm(min(low, 0.5 * high), high))
+    bar = figure.colorbar(drawn, ax=axis, extend="min" if np.nanmin(some) < low else "neither")
+    style.plain_powers(bar.ax.yaxis)
+    bar.set_label(label)
+    return finish(figure, axis, data, handles)
 
 
 def outline(axis: Axes, data: xr.Dataset, where: NDArray[np.bool_], colour: Any) -> None:
@@ -175,12 +211,41 @@ def mark_full_engagement(axis: Axes, data: xr.Dataset) -> bool:
     return bool(np.nanmin(torque) <= high and np.nanmax(torque) >= low)
 
 
-def full_engagement_handle() -> Any:
-    """Its entry in a legend."""
+def mark_last_rattling(axis: Axes, data: xr.Dataset) -> bool:
+    """The braking torque up to which each column or row saw rattling, as a line of steps.
+
+    Below T_safe or at it, by the runs of the map alone: no line where the last run rattles or has
+    no result, or none does. Returns whether it is seen.
+    """
+    x, y = axes_of(data)
+    if "brake_torque" not in (x, y):
+        return False
+    other = x if y == "brake_torque" else y
+    rattles, ended = (one.transpose(other, "brake_torque").values
+                      for one in (map_rattles(data), data["status"] == Status.OK))
+    torques, edges = _edges(data["brake_torque"].values)[1:], _edges(data[other].values)
+    last = rattles.shape[1] - 1 - rattles[:, ::-1].argmax(axis=1)
+    above = np.arange(rattles.shape[1]) > last[:, None]
+    told = rattles.any(axis=1) & ~rattles[:, -1] & (ended | ~above).all(axis=1)
+    if not told.any():
+        return False
+    line = np.append(np.where(told, torques[last], np.nan), np.nan)
+    line[-1] = line[-2]
+    if y == "brake_torque":
+        axis.step(edges, line, where="post", color=style.BLACK, linewidth=0.9)
+    else:
+        axis.step(line, edges, where="pre", color=style.BLACK, linewidth=0.9)
+    return True
+
+
+def line_handles(full: bool, last: bool) -> list[Any]:
+    """Entries of a legend for T_full, and for the last rattling torques."""
     from matplotlib.lines import Line2D
 
-    return Line2D([], [], color=style.BLACK, linewidth=1.2, linestyle=(0, (5, 2)),
-                  label="T_full: contact can be kept above")
+    return [Line2D([], [], color=style.BLACK, linewidth=1.2, linestyle=(0, (5, 2)),
+                   label="T_full: contact can be kept above")] * full \
+        + [Line2D([], [], color=style.BLACK, linewidth=0.9,
+                  label="last rattling torque of this map")] * last
 
 
 def status_handles(data: xr.Dataset) -> tuple[list[Any], NDArray[np.bool_]]:
@@ -197,13 +262,14 @@ def status_handles(data: xr.Dataset) -> tuple[list[Any], NDArray[np.bool_]]:
 
 def finish(figure: Figure, axis: Axes, data: xr.Dataset, handles: list[Any]) -> Figure:
     """What is below the panel."""
-    seen = mark_full_engagement(axis, data)
+    last = mark_last_rattling(axis, data)
+    seen = line_handles(mark_full_engagement(axis, data), last)
     lost, failed = status_handles(data)
     if failed.any():
         from matplotlib.colors import ListedColormap
 
         cells(axis, data, np.where(failed, 0.0, np.nan), cmap=ListedColormap([style.BLACK]))
-    handles = [*handles, *lost, *[full_engagement_handle()] * seen]
+    handles = [*handles, *lost, *seen]
     if handles:
         figure.legend(handles=handles, loc="outside lower center", ncols=min(4, len(handles)))
     return figure

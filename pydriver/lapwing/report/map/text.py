@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from lapwing.base.arrivals import arrivals_in
 from lapwing.base.codes import Status
+from lapwing.base.quantities import SHARES
 from lapwing.report.words import markdown, parameter_unit, parameter_words, plural
 from lapwing.results.findings import (
     START_NAMES,
@@ -92,9 +93,47 @@ def map_text(data: xr.Dataset) -> list[str]:
     for what, where in ((f"back {law.word}s", (data["back_arrivals"].values > 0) & known),
                         ("anything but engagement of the drive flanks", map_rattles(data).values)):
         lines.append(f"- {what}: {_reach(data, where)}")
+    lines += _observed(data, known)
     lines.append(f"- {law.word}s are counted: {law.rule(data.attrs['count_depth'])}"
                  + " separation" * law.threshold)
     return [*lines, "", *_table(data)]
+
+
+def _observed(data: xr.Dataset, known: NDArray[np.bool_]) -> list[str]:
+    """What was asked for besides: extremes, and where they are."""
+    lines = []
+    for name, words, unit, factor in (
+            ("phi_rms", "rms of φ about its mean", "µrad", 1e6),
+            ("mesh_force_peak", "peak mesh force, impacts apart", "N", 1)):
+        if name not in data:
+            continue
+        values = np.where(known, factor * data[name].values, np.nan)
+        lines.append(f"- {words}: " + (
+            f"{np.nanmin(values):.3g} to {np.nanmax(values):.4g} {unit}, the largest at "
+            + _place(data, int(np.nanargmax(values))) if np.isfinite(values).any()
+            else "not known, the rigid contact law has no spring"))
+    if "lyapunov_exponent" in data:
+        rate = data["lyapunov_exponent"].values[known]
+        open_ = int(np.isnan(rate).sum())
+        rate = rate[~np.isnan(rate)]
+        lines.append("- largest Lyapunov exponent: " + (
+            f"above 0 in {100 * (rate > 0).mean():.3g} % of {plural(rate.size, 'run')}, at most "
+            f"{rate.max():.3g} per τ; an estimate from {data.attrs['record']} mesh cycles, no "
+            "proof of chaos" if rate.size else "known in no run")
+            + f"; not known in {plural(open_, 'run')} that graze a flank" * bool(open_))
+    if all(name in data for name in SHARES):
+        lines.append("- time of all runs together: " + ", ".join(
+            f"{100 * data[name].values[known].mean():.3g} % in "
+            f"{name.removesuffix('_share').replace('_', ' ')}" for name in SHARES))
+    return lines
+
+
+def _place(data: xr.Dataset, at: int) -> str:
+    """Values of both parameters in a run."""
+    index = dict(zip(data["status"].dims, np.unravel_index(at, data["status"].shape), strict=True))
+    names = (str(data.attrs[f"{side}_parameter"]) for side in "xy")
+    return " and ".join(f"{parameter_words(name)} {data[name].values[index[name]]:g} "
+                        f"{parameter_unit(name)}".rstrip() for name in names)
 
 
 def _extent(data: xr.Dataset) -> str:

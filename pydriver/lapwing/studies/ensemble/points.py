@@ -9,12 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lapwing.engine import Points
 from lapwing.model.draw import LEAST_SHARE, Draw
 from lapwing.model.linear_response import critical_force
 from lapwing.model.oscillator import Oscillator
 from lapwing.studies.map.grid import Grid
-from lapwing.studies.sweep.varied import points_at
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,10 +35,9 @@ class Cloud(Grid):
         """How many runs there are."""
         return (len(next(iter(self.axes.values()))),)
 
-    def points(self, first: int, stop: int) -> Points:
+    def values(self, first: int, stop: int) -> dict[str, NDArray[np.float64]]:
         """See `Grid`."""
-        return points_at(self.pair, self.te, {name: values[first:stop] for name, values
-                                              in self.axes.items()}, self.operation)
+        return {name: values[first:stop] for name, values in self.axes.items()}
 
     @property
     def besides(self) -> tuple[str, ...]:

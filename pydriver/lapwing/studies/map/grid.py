@@ -62,12 +62,21 @@ class Grid:
         """Runs of a line."""
         return self.shape[-1]
 
+    def values(self, first: int, stop: int) -> dict[str, NDArray[np.float64]]:
+        """Values of each parameter in the runs from `first` up to `stop`."""
+        at = np.unravel_index(np.arange(first, stop), self.shape)
+        return {name: self.axes[name][places] for name, places in zip(self.order, at, strict=True)}
+
     def points(self, first: int, stop: int) -> Points:
         """Oscillators' numbers of the runs from `first` up to `stop`, all at once."""
-        at = np.unravel_index(np.arange(first, stop), self.shape)
-        return points_at(self.pair, self.te, {
-            name: self.axes[name][places] for name, places in zip(self.order, at, strict=True)},
-            self.operation)
+        return points_at(self.pair, self.te, self.values(first, stop), self.operation)
+
+    def newtons(self, first: int, stop: int) -> NDArray[np.float64]:
+        """Force per unit of deflection, k'·lever (N), in these runs."""
+        values, found = self.values(first, stop), np.ones(stop - first)
+        for name in ("mesh_stiffness", "pinion_base_lever"):
+            found = found * values.get(name, getattr(self.pair, name))
+        return found
 
     @property
     def besides(self) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from lapwing.base.quantities import worded
 from lapwing.results.checksums import DamagedFile
 from lapwing.results.shards import Shard, read_shard, read_study, shard_path, shards_in
 from lapwing.studies.map.cut import Cut
-from lapwing.studies.map.shards import KEPT, RATES, rate_of
+from lapwing.studies.map.observed import RATES, kept, rate_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -62,7 +62,7 @@ def open_study(folder: str | os.PathLike[str]) -> xr.Dataset:
     shape = tuple(map(len, axes.values()))
     store = _Store(place, attrs, axes)
     variables = {name: xr.Variable(tuple(axes), _lazy(_Numbers(store, name, shape)))
-                 for name in (*KEPT, *RATES)}
+                 for name in (*store.kept, *RATES)}
     missing = store.shards - len([i for i in shards_in(place) if i < store.shards])
     said = {name: value for name, value in attrs.items() if name not in _OF_THE_FILE}
     return worded(xr.Dataset(variables, dict(axes), {
@@ -80,6 +80,7 @@ class _Store:
         self.folder = folder
         self._inputs, self._engine = attrs["inputs"], attrs["engine_sha256"]
         self.record = int(attrs["record"])
+        self.kept = kept(str(attrs["observe"]).split())
         self._cut = Cut(math.prod(map(len, axes.values())), int(attrs["shard_runs"]),
                         len(axes[attrs["line"]]), attrs["start"])
         self.shards = self._cut.shards
@@ -95,7 +96,8 @@ class _Store:
         """A variable of some runs, an array of their shape."""
         if name in RATES:
             return rate_of(name, lambda one: self.numbers(one, runs), self.record)
-        found = np.full(runs.shape, np.nan if KEPT[name] is float else 0, dtype=KEPT[name])
+        found = np.full(runs.shape, np.nan if self.kept[name] is float else 0,
+                        dtype=self.kept[name])
         if name == "status":
             found[...] = Status.UNFINISHED
         of_shard = self._cut.shard_of(runs)
@@ -127,7 +129,7 @@ class _Numbers:
 
     def __init__(self, store: _Store, name: str, shape: tuple[int, ...]) -> None:
         self._store, self._name, self.shape = store, name, shape
-        self.dtype = np.dtype(KEPT.get(name, float))
+        self.dtype = np.dtype(store.kept.get(name, float))
 
     def read(self, key: tuple[Any, ...]) -> NDArray[Any]:
         """The part at integers, slices and arrays, one for each axis."""

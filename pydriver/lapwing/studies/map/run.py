@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,7 @@ import numpy as np
 
 from lapwing.base import arguments
 from lapwing.base.arguments import MAX_INT, Refusals
-from lapwing.base.quantities import worded
+from lapwing.base.quantities import OBSERVED, worded
 from lapwing.engine import Numerics
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.transmission_error import TransmissionError
@@ -30,7 +30,8 @@ STARTS = ("rest", "up", "down")
 def parameter_map(pair: GearPair, te: TransmissionError, axes: Mapping[str, Any], *,
                   line: str | None = None, start: str = "rest", settle: int = 400,
                   record: int = 100, phase: float = 0.0, numerics: Numerics | None = None,
-                  shard_runs: int | None = None, folder: str | Path | None = None,
+                  observe: Sequence[str] = (), shard_runs: int | None = None,
+                  folder: str | Path | None = None,
                   executor: Executor | None = None, threads: int | None = None,
                   progress: Callable[[float], None] | None = None,
                   notes: Callable[[str], None] | None = None, keep_interrupted: bool = False,
@@ -50,6 +51,10 @@ def parameter_map(pair: GearPair, te: TransmissionError, axes: Mapping[str, Any]
     settle, record : int, mesh cycles before recording (>= 0), and recorded (>= 1)
     phase : float, mesh phase at the start
     numerics : Numerics or None; default: rtol 1e-6
+    observe : of 'rms' (phi_rms, rad), 'forces' (mesh_force_mean and mesh_force_peak of spring and
+        damper, N; NaN under the rigid law), 'exponent' (lyapunov_exponent, the largest, per τ; NaN
+        where a periodic motion grazes) and 'shares' (of time in each motion state), each over the
+        last period, or over all recorded cycles of a motion without one; the rest costs nothing
     shard_runs : int or None, runs of a shard; where motions are carried these are whole lines, or,
         of a line that is longer, a chain of shards that go on from each other; default: some 20 s
         of work, and at least 64 shards, but for chains. No number depends on it
@@ -71,8 +76,8 @@ def parameter_map(pair: GearPair, te: TransmissionError, axes: Mapping[str, Any]
     found) with the arrivals at either flank in it, arrivals and back_arrivals (in all recorded
     cycles of a motion without period); impacts_per_cycle and back_impacts_per_cycle; chatter, 1
     where one was complete; states_visited (bits of MotionState); deepest_separation and
-    deepest_back_penetration (rad), and fastest_arrival (rad per τ) of the recorded cycles. A run
-    that fails has no numbers but its status.
+    deepest_back_penetration (rad), and fastest_arrival (rad per τ) of the recorded cycles; and what
+    `observe` asks for. A run that fails has no numbers but its status.
 
     Raises
     ------
@@ -84,7 +89,7 @@ def parameter_map(pair: GearPair, te: TransmissionError, axes: Mapping[str, Any]
         where a shard cannot be written.
     """
     job = job_of(pair, te, axes, line=line, start=start, settle=settle, record=record, phase=phase,
-                 numerics=numerics, shard_runs=shard_runs, **operation)
+                 numerics=numerics, observe=observe, shard_runs=shard_runs, **operation)
     found, interrupted = carry_out("parameter_map", job, folder=folder, executor=executor,
                                    threads=threads, progress=progress, notes=notes,
                                    keep_interrupted=keep_interrupted)
@@ -93,7 +98,7 @@ def parameter_map(pair: GearPair, te: TransmissionError, axes: Mapping[str, Any]
 
 def job_of(pair: GearPair, te: TransmissionError, axes: Any, *, line: str | None, start: str,
            settle: int, record: int, phase: float, numerics: Numerics | None,
-           shard_runs: int | None, **operation: Any) -> Job:
+           observe: Sequence[str] = (), shard_runs: int | None, **operation: Any) -> Job:
     """The checked arguments of `parameter_map` as a `Job`, or every problem at once."""
     taken = Refusals()
     taken.take(arguments.instance, "pair", pair, GearPair)
@@ -110,6 +115,7 @@ def job_of(pair: GearPair, te: TransmissionError, axes: Any, *, line: str | None
     taken.take(arguments.choice, "start", start, STARTS)
     if line is not None:
         taken.take(arguments.choice, "line", line, tuple(values))
+    observed = taken.take(arguments.choices, "observe", observe, tuple(OBSERVED))
     check_settings(taken, settle, record, phase, numerics, shard_runs)
     taken.raise_if_any("parameter_map")
     values = {name: np.unique(one) for name, one in values.items()}
@@ -124,7 +130,8 @@ def job_of(pair: GearPair, te: TransmissionError, axes: Any, *, line: str | None
     length = 1 if start == "rest" else grid.length
     size = shard_size(grid.runs, settle + record, length, shard_runs)
     return Job(grid, start, int(settle), int(record), float(phase),
-               numerics or Numerics(rtol=1e-6), size)
+               numerics or Numerics(rtol=1e-6), size,
+               tuple(one for one in OBSERVED if one in observed))
 
 
 def _dataset(job: Job, found: Found, interrupted: bool) -> xr.Dataset:

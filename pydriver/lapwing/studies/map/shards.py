@@ -17,28 +17,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lapwing import engine
-from lapwing.base import arguments
+from lapwing.base import arguments, estimates
 from lapwing.base.arguments import Refusals
 from lapwing.base.arrivals import arrivals_of
 from lapwing.base.codes import Status
+from lapwing.base.quantities import OBSERVED
 from lapwing.base.threads import worker_threads
-from lapwing.engine import Numerics, Wanted
+from lapwing.engine import Numerics
 from lapwing.results.shards import Shard, read_shard, write_shard, write_study
 from lapwing.studies.map.cut import Cut
 from lapwing.studies.map.grid import Grid
+from lapwing.studies.map.observed import KEPT, observations, wanted
 
 # Where a line begins.
 _REST = (engine.REST, 0.0, 0.0)
-# Runs handed to the engine at once, in whole lines: it takes some 10 kB for each line.
-AT_A_TIME = 1024
+# Runs handed to the engine at once, in whole lines: it takes some 10 kB for each line, and where
+# exponents are asked for the maps of all recorded cycles, which are to be this much at most.
+AT_A_TIME, MAPS = 1024, 2**26
 # Pieces of a shard for each of several threads, so that none waits long for the last.
 PIECES = 4
-# Variables of a shard, as they are kept.
-KEPT = {"status": np.int8, "period": np.int16, "arrivals": np.int32, "back_arrivals": np.int32,
-        "chatter": np.int8, "states_visited": np.int8, "deepest_separation": float,
-        "deepest_back_penetration": float, "fastest_arrival": float}
-# ... and what follows from them.
-RATES = {"impacts_per_cycle": "arrivals", "back_impacts_per_cycle": "back_arrivals"}
 
 
 class Dropped(Exception):
@@ -57,6 +54,7 @@ class Job:
     phase : float, mesh phase of the start
     numerics : Numerics
     shard_runs : int, runs of a shard
+    observe : tuple of str, of `OBSERVED`, what is kept of each run besides
     """
 
     grid: Grid
@@ -66,6 +64,7 @@ class Job:
     phase: float
     numerics: Numerics
     shard_runs: int
+    observe: tuple[str, ...] = ()
 
     @cached_property
     def cut(self) -> Cut:
@@ -87,7 +86,7 @@ class Job:
                 "line": grid.line, "settle": self.settle, "record": self.record,
                 "phase": self.phase, "rtol": self.numerics.rtol,
                 "count_depth": self.numerics.count_depth, "method": self.numerics.method,
-                "shard_runs": self.shard_runs}
+                "shard_runs": self.shard_runs, "observe": " ".join(self.observe)}
 
     def write_study(self, folder: Path) -> None:
         """Say in a folder what its shards are parts of."""
@@ -103,7 +102,8 @@ class Job:
             "pair": asdict(grid.pair), "operation": dict(grid.operation), "axes": list(grid.axes),
             "line": grid.line, "start": self.start, "settle": self.settle, "record": self.record,
             "phase": self.phase, "numerics": asdict(self.numerics),
-            "shard_runs": self.shard_runs}, sort_keys=True, default=str).encode())
+            "shard_runs": self.shard_runs, "observe": self.observe}, sort_keys=True,
+            default=str).encode())
         for array in (*grid.axes.values(), te.knots, te.coefficients, te.kinks, te.harmonics):
             whole.update(f"{array.dtype} {array.shape}\0".encode())
             whole.update(np.ascontiguousarray(array).tobytes())
@@ -120,21 +120,6 @@ def check_settings(taken: Refusals, settle: Any, record: Any, phase: Any, numeri
         taken.take(arguments.instance, "numerics", numerics, Numerics)
     if shard_runs is not None:
         taken.take(arguments.whole, "shard_runs", shard_runs, 1)
-
-
-def rate_of(name: str, numbers: Callable[[str], NDArray[Any]], record: int) -> NDArray[Any]:
-    """Arrivals per mesh cycle, a variable of `RATES`; NaN where a run has no result.
-
-    Parameters
-    ----------
-    name : str, of `RATES`
-    numbers : callable(variable of `KEPT`) -> array
-    record : int, mesh cycles recorded
-    """
-    period = numbers("period")
-    rate = numbers(RATES[name]) / np.where(period > 0, period, record)
-    rate[numbers("status") != Status.OK] = np.nan
-    return rate
 
 
 def carried_out(job: Job, index: int, progress: Callable[[float], None] | None = None,
@@ -158,18 +143,24 @@ def carried_out(job: Job, index: int, progress: Callable[[float], None] | None =
     """
     first, behind = job.cut.place(index)
     outcome = np.empty(behind - first, dtype=engine.OUTCOME_TABLE)
+    besides = {name: np.empty(behind - first) for one in job.observe for name in OBSERVED[one]}
     length = 1 if job.start == "rest" else min(job.grid.length, len(outcome))
     threads = share_work(len(outcome) // length)
-    most = AT_A_TIME if threads == 1 else min(AT_A_TIME, len(outcome) / (threads * PIECES))
-    size = math.ceil(most / length) * length
+    most = float(AT_A_TIME)
+    if "exponent" in job.observe:
+        most = min(most, MAPS / estimates.sweep_bytes(1, job.record, False, exponents=True))
+    if threads > 1:
+        most = min(most, len(outcome) / (threads * PIECES))
+    size = max(1, math.ceil(most / length)) * length
     start = (*(before.handed if before and before.handed else _REST), job.phase)
 
     give_up = _told(None, stop, 0.0, 0.0)
 
     def fill(begin: int) -> None:
-        stop_at = min(begin + size, behind)
-        _move(job, begin, outcome[begin - first:stop_at - first], start, _told(
-            progress, stop, (begin - first) / len(outcome), (stop_at - begin) / len(outcome)))
+        here = slice(begin - first, min(begin + size, behind) - first)
+        part = outcome[here]
+        _move(job, begin, part, {name: values[here] for name, values in besides.items()}, start,
+              _told(progress, stop, here.start / len(outcome), len(part) / len(outcome)))
 
     pieces = range(first, behind, size)
     if threads == 1:
@@ -182,7 +173,7 @@ def carried_out(job: Job, index: int, progress: Callable[[float], None] | None =
     good = outcome["status"] == Status.OK
     data = {name: np.where(good | (name == "status"), outcome[name], 0 if kind is not float
                            else np.nan).astype(kind) for name, kind in KEPT.items()} \
-        | job.grid.known(first, behind, lambda: give_up(0.0))
+        | besides | job.grid.known(first, behind, lambda: give_up(0.0))
     last = outcome[0 if job.start == "down" else -1]
     handed = tuple(map(float, last[["motion_state", "phi", "phi_dot"]])) \
         if last["status"] == Status.OK else _REST
@@ -190,16 +181,20 @@ def carried_out(job: Job, index: int, progress: Callable[[float], None] | None =
 
 
 class Made(NamedTuple):
-    """Numbers of a shard, `KEPT`, and the state (motion state or REST, phi, phi') it hands over."""
+    """Numbers of a shard, `kept`, and the state (motion state or REST, phi, phi') it hands over."""
 
     data: dict[str, NDArray[Any]]
     handed: tuple[float, ...] | None
 
 
-def _move(job: Job, first: int, outcome: NDArray[Any], start: tuple[float, ...],
-          told: Callable[[float], None]) -> None:
-    """Fill the outcome of the runs from `first` on, lines that begin with `start`."""
-    points = job.grid.points(first, first + len(outcome))
+def _move(job: Job, first: int, outcome: NDArray[Any], besides: dict[str, NDArray[Any]],
+          start: tuple[float, ...], told: Callable[[float], None]) -> None:
+    """Fill the outcome, and what is observed, of the runs from `first` on.
+
+    Each line begins with `start`.
+    """
+    behind = first + len(outcome)
+    points = job.grid.points(first, behind)
     stepped = _stepped(job, first, points)
     done = 0
     for which in (np.flatnonzero(~stepped), np.flatnonzero(stepped)):
@@ -209,10 +204,14 @@ def _move(job: Job, first: int, outcome: NDArray[Any], start: tuple[float, ...],
         lines = _lines(job, which.size)
         result = engine.sweep(
             part, lines, [start] * len(lines), numerics=job.numerics,
-            wanted=Wanted(cycles=True, bounces=False), settle=job.settle, record=job.record,
+            wanted=wanted(job.observe), settle=job.settle, record=job.record,
             log_room=1, threads=1, keep_cycles=False,
             progress=_told(told, None, done / len(points), which.size / len(points)))
         outcome[which] = result.outcome
+        if besides:
+            for name, values in observations(job.observe, result, part, job.grid.newtons(
+                    first, behind)[which]).items():
+                besides[name][which] = values
         done += which.size
 
 

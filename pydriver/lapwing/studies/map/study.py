@@ -84,7 +84,8 @@ def _arguments(deck: Deck, study: Asked) -> dict[str, Any]:
     return {"pair": deck.gear_pair, "te": deck.te, "axes": study.axes, "line": study.y_parameter,
             "start": study.start, "settle": study.settle_cycles, "record": study.record_cycles,
             "phase": deck.numerics["start_phase"], "numerics": Numerics(**deck.numerics_of(study)),
-            "shard_runs": study.shard_runs, **study.operation}
+            "shard_runs": study.shard_runs, "observe": tuple(study.observe or ()),
+            **study.operation}
 
 
 def _full_engagement(deck: Deck, study: Asked) -> dict[str, Any]:

@@ -18,10 +18,9 @@ from lapwing.base.codes import Status
 from lapwing.base.threads import checked_threads, usable_threads
 from lapwing.results.provenance import processor
 from lapwing.results.shards import Shard, read_shard, write_shard
-from lapwing.studies.map.shards import KEPT, RATES, Job, carried_out, make_shard, rate_of
+from lapwing.studies.map.observed import RATES, kept, rate_of
+from lapwing.studies.map.shards import Job, carried_out, make_shard
 
-# Numbers that a run without a result does not have.
-REALS = tuple(name for name, kind in KEPT.items() if kind is float)
 # Shards handed over beyond those that are worked at: to threads, and to another executor, of which
 # it is not known how many workers it has.
 AHEAD, FAR_AHEAD = 4, 1000
@@ -47,7 +46,7 @@ def carry_out(who: str, job: Job, *, folder: str | Path | None, executor: Execut
             arguments.function(name, given)
     threads = usable_threads(checked_threads(threads), job.cut.shards)
     folder = None if folder is None else Path(arguments.path("folder", folder))
-    estimates.require(job.grid.runs * estimates.MAP_RUN, who, "the number of runs")
+    estimates.require(job.grid.runs * estimates.map_run(job.observe), who, "the number of runs")
     found = Found(job, notes or (lambda _: None))
     work = _Work(job, folder, found, progress)
     try:
@@ -83,7 +82,8 @@ class Found:
 
     def __init__(self, job: Job, notes: Callable[[str], object]) -> None:
         self.notes = notes
-        self.data = {name: np.zeros(job.grid.runs, dtype=kind) for name, kind in KEPT.items()}
+        self.data = {name: np.zeros(job.grid.runs, dtype=kind)
+                     for name, kind in kept(job.observe).items()}
         self.data |= {name: np.full(job.grid.runs, np.nan) for name in job.grid.besides}
         self.data["status"][:] = Status.UNFINISHED
         self.cpus: set[str] = set()
@@ -253,8 +253,9 @@ def numbers_of(job: Job, found: Found) -> dict[str, NDArray[Any]]:
     """The numbers of all runs, name -> (runs,) array; what is not known of a run is NaN or 0."""
     data = dict(found.data)
     bad = data["status"] != Status.OK
-    for name in REALS:
-        data[name][bad] = np.nan
+    for name, kind in kept(job.observe).items():
+        if kind is float:
+            data[name][bad] = np.nan
     for name in RATES:
         data[name] = rate_of(name, data.__getitem__, job.record)
     return data
