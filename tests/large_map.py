@@ -39,9 +39,10 @@ TIMED = '''
 import os, sys, time
 from lapwing.engine import calls
 from lapwing.studies.map import work
+from lapwing.studies.map.shards import Job
 
 log = os.open(os.environ["LARGE_MAP_LOG"], os.O_WRONLY | os.O_APPEND | os.O_CREAT)
-api, carried_out, write_shard = calls.api, work.carried_out, work.write_shard
+api, carried_out, write_shard = calls.api, Job.carried_out, work.write_shard
 
 class Timed:
     def __getattr__(self, name):
@@ -60,7 +61,7 @@ def finish(folder, index, *rest):
     write_shard(folder, index, *rest)
     os.write(log, b"done %d\\n" % index)
 
-calls.api, work.carried_out, work.write_shard = Timed(), begin, finish
+calls.api, Job.carried_out, work.write_shard = Timed(), begin, finish
 from lapwing.__main__ import main
 sys.exit(main())
 '''
@@ -192,8 +193,6 @@ def compared(job, path: Path, samples: int, say=print) -> list[str]:
     """Some shards, computed by one thread now, against the result file."""
     import xarray as xr
 
-    from lapwing.studies.map.shards import carried_out
-
     with xr.open_dataset(path, group="map_plane", engine="netcdf4", decode_times=False,
                          mask_and_scale=False) as data:
         stored = {name: data[name].transpose(*job.grid.order).values.ravel()
@@ -204,7 +203,7 @@ def compared(job, path: Path, samples: int, say=print) -> list[str]:
     chosen = random.Random(1).sample(range(job.cut.shards), min(samples, job.cut.shards))
     for index in chosen:
         first, stop = job.cut.place(index)
-        for name, values in carried_out(job, index).data.items():
+        for name, values in job.carried_out(index).data.items():
             if stored[name][first:stop].tobytes() != values.tobytes():
                 wrong.append(f"shard {index}: {name} differs")
     unfinished = int(np.count_nonzero(stored["status"]))

@@ -186,6 +186,12 @@ CASES = {
         "osc": OSC, "starts": "random", "runs": 2, "scrambles": 16, "seed": 0, "phi": (-1e-4, 1e-5),
         "phi_dot": (-1e-5, 1e-5), "phase": 0.0, "most_cycles": 20, "returns": 3, "recurrences": 5,
         "resolution": 16, "numerics": None, "threads": 1, "progress": None}),
+    "basins": (lw.basins, {
+        "osc": OSC, "plane": "state", "size": 2, "phi": (-1e-4, 1e-5), "phi_dot": (-1e-5, 1e-5),
+        "phase": 0.0, "speed": None, "most_cycles": 20, "returns": 3, "recurrences": 5,
+        "resolution": 16, "numerics": None, "shard_runs": 1, "folder": FOLDER / "basins",
+        "executor": None, "threads": 1, "progress": None, "notes": None,
+        "keep_interrupted": False}),
     "find_orbit": (lw.find_orbit, {"osc": OSC, "start": STATE, "cycles": 1, "settle": 3}),
     "exponents": (lw.exponents, {"osc": OSC, "start": "rest", "phase": 0.0, "settle": 1,
                                  "record": 2}),

@@ -35,6 +35,7 @@ _HOMES = {
     "branch": "studies.branch",
     "branches": "studies.branch",
     "attractors": "studies.attractors.run",
+    "basins": "studies.attractors.basins",
     "ensemble": "studies.ensemble.run",
     "Draw": "model.draw",
     "find_orbit": "studies.orbit",

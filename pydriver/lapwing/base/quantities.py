@@ -261,6 +261,7 @@ DESCRIPTIONS: dict[str, tuple[str | None, str]] = {
     "start_phi": ("rad", "relative angle of the start"),
     "start_phi_dot": ("rad", f"rate of phi of the start, {VELOCITY}"),
     "start_phase": ("1", "mesh phase of the start, in mesh periods"),
+    "start_speed": ("rad", f"speed of the start towards the flank, {VELOCITY}"),
     **{name: (one.units, one.long_name) for name, one in PARAMETERS.items()},
 }
 

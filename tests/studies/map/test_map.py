@@ -22,7 +22,6 @@ from lapwing.studies.map import shards
 from lapwing.studies.map.cut import Cut, shard_size
 from lapwing.studies.map.observed import KEPT
 from lapwing.studies.map.run import job_of
-from lapwing.studies.map.shards import carried_out
 from lapwing.studies.map.work import Found
 from lapwing_bench.scenes import PAIR
 
@@ -384,7 +383,7 @@ def test_a_shard_that_several_threads_share_is_the_same(start):
         asked.append(lines)
         return 3
 
-    found, expected = (carried_out(job, 0, **one).data for one in ({"share_work": three}, {}))
+    found, expected = (job.carried_out(0, **one).data for one in ({"share_work": three}, {}))
     assert asked == [job.grid.runs // (1 if start == "rest" else job.grid.length)]
     assert {name: one.tobytes() for name, one in found.items()} \
         == {name: one.tobytes() for name, one in expected.items()}
@@ -397,7 +396,7 @@ def test_what_is_torn_apart_is_not_told_as_known():
 
     job = job_of(PAIR, TE, AXES, line=None, start="rest", settle=1, record=1, phase=0.0,
                  numerics=None, shard_runs=33)
-    data = carried_out(job, 0).data
+    data = job.carried_out(0).data
     for torn in set(KEPT) - {"status"}:
         found = Found(job, print)
         with pytest.raises(KeyboardInterrupt):

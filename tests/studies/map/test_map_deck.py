@@ -14,7 +14,7 @@ from lapwing.part import run_part
 from lapwing.results import read_results
 from lapwing.results.shards import shards_in
 from lapwing.run import run_deck
-from lapwing.studies.map import work
+from lapwing.studies.map.shards import Job
 
 SHARDS = 24
 
@@ -117,11 +117,11 @@ def test_parts_outlive_the_replacing_of_other_results(deck, whole, tmp_path, mon
     def made(*_):
         raise OSError("a shard is made")
 
-    monkeypatch.setattr(work, "carried_out", made)
+    monkeypatch.setattr(Job, "carried_out", made)
     run_deck(asked, tmp_path, figures="none", force=True)
     assert plane_numbers(tmp_path / "plane" / "result.nc") == whole
     monkeypatch.undo()
     run_part(asked, tmp_path, 1, 1)
-    monkeypatch.setattr(work, "carried_out", made)
+    monkeypatch.setattr(Job, "carried_out", made)
     with pytest.raises(OSError, match="a shard is made"):  # of the same values: anew
         run_deck(asked, tmp_path, figures="none", force=True)

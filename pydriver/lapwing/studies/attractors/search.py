@@ -12,6 +12,7 @@ Nothing depends on the number of threads: a run depends on its start and the mot
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -37,6 +38,7 @@ from lapwing.studies.attractors.motions import (
     nearly_periodic,
     periodic,
 )
+from lapwing.studies.map.task import Dropped
 
 # Mesh cycles before each look at a run, and those looked at.
 SETTLES, LOOK = (200, 1000, 4000), 100
@@ -50,10 +52,7 @@ THERE = 0.95
 MOST_APERIODIC = 16
 # Starts handed to the engine at once.
 PIECE = 256
-
-
-class Dropped(Exception):
-    """A piece under way that is given up."""
+GOLDEN = (math.sqrt(5) - 1) / 2
 
 
 @dataclass(eq=False)
@@ -95,10 +94,14 @@ class Search:
         `cycles` counts all that a run has taken; of a run that a look has recognised, those up to
         the look.
         """
-        spread = np.unique(np.linspace(0, len(rows) - 1, EACH).astype(int))
-        self.look_at(rows[spread])
+        self.look_at(rows[spread(len(rows), EACH)])
         ends = self.follow(rows, progress)
-        looked = np.zeros(len(rows), bool)
+        self.resolve(ends)
+        return ends
+
+    def resolve(self, ends: NDArray[Any]) -> None:
+        """Look at runs that are open, and follow them further; 3 and 4 above."""
+        looked = np.zeros(len(ends), bool)
         while looked.sum() < MOST_LOOKED_AT:
             open_ = _open(ends)
             some = open_[~looked[open_]][:EACH]
@@ -112,7 +115,6 @@ class Search:
             ends["ending"][recognised] = Ending.PRESUMED
             if len(self.motions) > before:
                 self._go_on(ends)
-        return ends
 
     def _go_on(self, ends: NDArray[Any]) -> None:
         """Follow what is open further, now that more is known."""
@@ -124,28 +126,7 @@ class Search:
     def follow(self, rows: NDArray[np.float64],
                progress: Callable[[float], object] | None = None) -> NDArray[Any]:
         """Where each start ends among the motions known, `END_TABLE`."""
-        known, ends = self.known(), np.empty(len(rows), END_TABLE)
-        stop, pieces = threading.Event(), range(0, len(rows), PIECE)
-
-        def told(_: float) -> None:
-            if stop.is_set():
-                raise Dropped
-
-        def fill(first: int) -> None:
-            part = slice(first, first + PIECE)
-            ends[part] = engine.destinations(self.osc, known, rows[part], numerics=self.numerics,
-                                             told=told)
-
-        with ThreadPoolExecutor(max(1, min(self.threads, len(pieces)))) as pool:
-            try:
-                for done, _ in enumerate(pool.map(fill, pieces), 1):
-                    if progress is not None:
-                        progress(done / len(pieces))
-            except BaseException:
-                stop.set()
-                pool.shutdown(cancel_futures=True)
-                raise
-        return ends
+        return followed(self.osc, self.known(), rows, self.numerics, self.threads, progress)
 
     def look_at(self, rows: NDArray[np.float64]) -> NDArray[np.intp]:
         """What starts (n, 4) end in: the number of a motion, known or added, from 1; 0: not known.
@@ -239,6 +220,45 @@ class Search:
                      if one.holds(period, state)), 0)
 
 
+def followed(osc: Oscillator, known: Known, rows: NDArray[np.float64], numerics: Numerics,
+             threads: int, progress: Callable[[float], object] | None = None,
+             stop: threading.Event | None = None) -> NDArray[Any]:
+    """Where each start (n, 4) ends among the motions known, `END_TABLE`.
+
+    Raises
+    ------
+    Dropped
+        soon after `stop` is set, where it is given.
+    """
+    ends = np.empty(len(rows), END_TABLE)
+    given_up, pieces = stop or threading.Event(), range(0, len(rows), PIECE)
+
+    def told(_: float) -> None:
+        if given_up.is_set():
+            raise Dropped
+
+    def fill(first: int) -> None:
+        part = slice(first, first + PIECE)
+        ends[part] = engine.destinations(osc, known, rows[part], numerics=numerics, told=told)
+
+    with ThreadPoolExecutor(max(1, min(threads, len(pieces)))) as pool:
+        try:
+            for done, _ in enumerate(pool.map(fill, pieces), 1):
+                if progress is not None:
+                    progress(done / len(pieces))
+        except BaseException:
+            given_up.set()
+            pool.shutdown(cancel_futures=True)
+            raise
+    return ends
+
+
+def spread(count: int, wanted: int) -> NDArray[np.intp]:
+    """So many places among `count`, spread over them whatever their order: by the golden ratio."""
+    parts = np.arange(min(count, wanted)) * GOLDEN % 1
+    return np.unique((parts * count).astype(np.intp))
+
+
 def _open(ends: NDArray[Any]) -> NDArray[np.intp]:
     """Runs that have not failed and whose motion is not known."""
     return np.flatnonzero((ends["status"] == Status.OK) & (ends["motion"] == 0))
@@ -249,4 +269,4 @@ def _from(ends: NDArray[Any]) -> NDArray[np.float64]:
     return np.column_stack([columns(ends, TABLE.names or ()), np.zeros(len(ends))])
 
 
-__all__ = ["Search"]
+__all__ = ["PIECE", "Search", "followed", "spread"]

@@ -17,7 +17,7 @@ from lapwing.studies import cost
 from lapwing.studies.again import Again, moved_again
 from lapwing.studies.ensemble.run import ensemble, plan_of
 from lapwing.studies.labels import labels
-from lapwing.studies.map.shards import Job, carried_out
+from lapwing.studies.map.shards import Job
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -94,7 +94,7 @@ def estimate(deck: Deck, study: Asked, seconds: float, clock: Callable[[], float
 
     def tried(part: NDArray[Any]) -> None:
         values = {name: column[part] for name, column in cloud.axes.items()}
-        carried_out(plan_of(**(arguments | {"draws": values, "shard_runs": part.size})).job, 0)
+        plan_of(**(arguments | {"draws": values, "shard_runs": part.size})).job.carried_out(0)
 
     low, high, count = cost.rates(tried, np.arange(cloud.runs), seconds, clock)
     runs = all_runs(study)

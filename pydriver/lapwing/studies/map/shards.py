@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +24,10 @@ from lapwing.base.codes import Status
 from lapwing.base.quantities import OBSERVED
 from lapwing.base.threads import worker_threads
 from lapwing.engine import Numerics
-from lapwing.results.shards import Shard, read_shard, write_shard, write_study
-from lapwing.studies.map.cut import Cut
+from lapwing.results.shards import Shard, read_shard, write_shard
 from lapwing.studies.map.grid import Grid
-from lapwing.studies.map.observed import KEPT, observations, wanted
+from lapwing.studies.map.observed import KEPT, kept, observations, wanted
+from lapwing.studies.map.task import Dropped, Made, Task
 
 # Where a line begins.
 _REST = (engine.REST, 0.0, 0.0)
@@ -38,12 +38,8 @@ AT_A_TIME, MAPS = 1024, 2**26
 PIECES = 4
 
 
-class Dropped(Exception):
-    """A shard under way that is given up."""
-
-
 @dataclass(frozen=True, eq=False)
-class Job:
+class Job(Task):
     """What is done at each crossing point.
 
     Attributes
@@ -66,16 +62,21 @@ class Job:
     shard_runs: int
     observe: tuple[str, ...] = ()
 
-    @cached_property
-    def cut(self) -> Cut:
-        """Which runs are in which shard."""
-        return Cut(self.grid.runs, self.shard_runs, self.grid.length, self.start)
+    @property
+    def kept(self) -> dict[str, Any]:
+        """See `Task`."""
+        return kept(self.observe)
 
-    def told(self, index: int, before: Shard | None = None) -> dict[str, Any]:
-        """What a shard's file says of itself, given the one that it goes on from."""
-        first, stop = self.cut.place(index)
-        return {"inputs": self.identity, "first": first, "stop": stop,
-                **({"predecessor": before.digest} if before else {})}
+    @property
+    def run_bytes(self) -> int:
+        """See `Task`."""
+        return estimates.map_run(self.observe)
+
+    def carried_out(self, index: int, progress: Callable[[float], None] | None = None,
+                    stop: threading.Event | None = None, before: Shard | None = None,
+                    share_work: Callable[[int], int] = lambda _: 1) -> Made:
+        """See `Task`."""
+        return _carried_out(self, index, progress, stop, before, share_work)
 
     @property
     def about(self) -> dict[str, Any]:
@@ -87,12 +88,6 @@ class Job:
                 "phase": self.phase, "rtol": self.numerics.rtol,
                 "count_depth": self.numerics.count_depth, "method": self.numerics.method,
                 "shard_runs": self.shard_runs, "observe": " ".join(self.observe)}
-
-    def write_study(self, folder: Path) -> None:
-        """Say in a folder what its shards are parts of."""
-        write_study(folder, self.grid.axes, {
-            "kind": self.grid.kind, "inputs": self.identity, "order": " ".join(self.grid.order),
-            **self.about})
 
     @cached_property
     def identity(self) -> str:
@@ -122,25 +117,9 @@ def check_settings(taken: Refusals, settle: Any, record: Any, phase: Any, numeri
         taken.take(arguments.whole, "shard_runs", shard_runs, 1)
 
 
-def carried_out(job: Job, index: int, progress: Callable[[float], None] | None = None,
-                stop: threading.Event | None = None, before: Shard | None = None,
-                share_work: Callable[[int], int] = lambda _: 1) -> Made:
-    """One shard, from the state that the shard before hands over, if any.
-
-    Parameters
-    ----------
-    job : Job
-    index : int
-    progress : callable(fraction done) or None
-    stop : set by whoever wants no more of it
-    before : Shard or None, of a chain the one before
-    share_work : callable(lines) -> threads that compute it; no number depends on it
-
-    Raises
-    ------
-    Dropped
-        soon after `stop` is set.
-    """
+def _carried_out(job: Job, index: int, progress: Callable[[float], None] | None,
+                 stop: threading.Event | None, before: Shard | None,
+                 share_work: Callable[[int], int]) -> Made:
     first, behind = job.cut.place(index)
     outcome = np.empty(behind - first, dtype=engine.OUTCOME_TABLE)
     besides = {name: np.empty(behind - first) for one in job.observe for name in OBSERVED[one]}
@@ -178,13 +157,6 @@ def carried_out(job: Job, index: int, progress: Callable[[float], None] | None =
     handed = tuple(map(float, last[["motion_state", "phi", "phi_dot"]])) \
         if last["status"] == Status.OK else _REST
     return Made(data, handed if job.cut.links > 1 else None)
-
-
-class Made(NamedTuple):
-    """Numbers of a shard, `kept`, and the state (motion state or REST, phi, phi') it hands over."""
-
-    data: dict[str, NDArray[Any]]
-    handed: tuple[float, ...] | None
 
 
 def _move(job: Job, first: int, outcome: NDArray[Any], besides: dict[str, NDArray[Any]],
@@ -247,13 +219,13 @@ def _told(progress: Callable[[float], object] | None, stop: threading.Event | No
     return told
 
 
-def make_shard(job: Job, index: int, folder: Path, before: Shard | None = None) -> int:
+def make_shard(job: Task, index: int, folder: Path, before: Shard | None = None) -> int:
     """Carry out one shard and publish it, in whatever process; returns its index.
 
     One that lies there already, whole and of this map, is left as it is.
     """
     told = job.told(index, before)
     if read_shard(folder, index, told)[0] is None:
-        made = carried_out(job, index, before=before, share_work=worker_threads)
+        made = job.carried_out(index, before=before, share_work=worker_threads)
         write_shard(folder, index, made.data, told, made.handed)
     return index

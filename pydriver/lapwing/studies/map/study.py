@@ -17,7 +17,7 @@ from lapwing.studies import cost
 from lapwing.studies.again import Again, moved_again
 from lapwing.studies.labels import labels
 from lapwing.studies.map.run import job_of, parameter_map
-from lapwing.studies.map.shards import Job, carried_out
+from lapwing.studies.map.shards import Job
 from lapwing.studies.sweep.varied import oscillator_at
 
 if TYPE_CHECKING:
@@ -116,9 +116,9 @@ def estimate(deck: Deck, study: Asked, seconds: float, clock: Callable[[], float
     some = values[np.unique(np.linspace(0, len(values) - 1, TRIED).round().astype(int))]
 
     def tried(part: NDArray[Any]) -> None:
-        carried_out(job_of(**_arguments(deck, study) | {
+        job_of(**_arguments(deck, study) | {
             "axes": {study.x_parameter: part, study.y_parameter: some}, "start": "rest",
-            "shard_runs": part.size * some.size}), 0)
+            "shard_runs": part.size * some.size}).carried_out(0)
 
     low, high, count = cost.rates(tried, columns, seconds, clock)
     whole = len(values) / len(some) * len(columns) / threads

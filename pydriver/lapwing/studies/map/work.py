@@ -18,15 +18,16 @@ from lapwing.base.codes import Status
 from lapwing.base.threads import checked_threads, usable_threads
 from lapwing.results.provenance import processor
 from lapwing.results.shards import Shard, read_shard, write_shard
-from lapwing.studies.map.observed import RATES, kept, rate_of
-from lapwing.studies.map.shards import Job, carried_out, make_shard
+from lapwing.studies.map.observed import RATES, rate_of
+from lapwing.studies.map.shards import Job, make_shard
+from lapwing.studies.map.task import Task
 
 # Shards handed over beyond those that are worked at: to threads, and to another executor, of which
 # it is not known how many workers it has.
 AHEAD, FAR_AHEAD = 4, 1000
 
 
-def carry_out(who: str, job: Job, *, folder: str | Path | None, executor: Executor | None,
+def carry_out(who: str, job: Task, *, folder: str | Path | None, executor: Executor | None,
               threads: int | None, progress: Callable[[float], None] | None,
               notes: Callable[[str], None] | None, keep_interrupted: bool) -> tuple[Found, bool]:
     """Make or read the shards of a study; arguments as of `parameter_map`, which `who` may be.
@@ -46,7 +47,7 @@ def carry_out(who: str, job: Job, *, folder: str | Path | None, executor: Execut
             arguments.function(name, given)
     threads = usable_threads(checked_threads(threads), job.cut.shards)
     folder = None if folder is None else Path(arguments.path("folder", folder))
-    estimates.require(job.grid.runs * estimates.map_run(job.observe), who, "the number of runs")
+    estimates.require(job.grid.runs * job.run_bytes, who, "the number of runs")
     found = Found(job, notes or (lambda _: None))
     work = _Work(job, folder, found, progress)
     try:
@@ -58,7 +59,7 @@ def carry_out(who: str, job: Job, *, folder: str | Path | None, executor: Execut
     return found, False
 
 
-def make_part(job: Job, folder: Path, part: int, parts: int, threads: int,
+def make_part(job: Task, folder: Path, part: int, parts: int, threads: int,
               progress: Callable[[float], object] | None = None,
               notes: Callable[[str], object] | None = None) -> tuple[int, int]:
     """Make each `parts`-th shard of a map, from the `part`-th on (1 to `parts`), and nothing more.
@@ -80,10 +81,9 @@ def make_part(job: Job, folder: Path, part: int, parts: int, threads: int,
 class Found:
     """The numbers of the shards that are done, in the order of the runs."""
 
-    def __init__(self, job: Job, notes: Callable[[str], object]) -> None:
+    def __init__(self, job: Task, notes: Callable[[str], object]) -> None:
         self.notes = notes
-        self.data = {name: np.zeros(job.grid.runs, dtype=kind)
-                     for name, kind in kept(job.observe).items()}
+        self.data = {name: np.zeros(job.grid.runs, dtype=kind) for name, kind in job.kept.items()}
         self.data |= {name: np.full(job.grid.runs, np.nan) for name in job.grid.besides}
         self.data["status"][:] = Status.UNFINISHED
         self.cpus: set[str] = set()
@@ -111,7 +111,7 @@ class _Left:
 class _Work:
     """Shards handed out and gathered."""
 
-    def __init__(self, job: Job, folder: Path | None, found: Found | _Left,
+    def __init__(self, job: Task, folder: Path | None, found: Found | _Left,
                  progress: Callable[[float], object] | None,
                  indices: Iterable[int] | None = None) -> None:
         self.job, self.folder, self.found = job, folder, found
@@ -131,6 +131,7 @@ class _Work:
         self._tell()
         if not left:
             return 0
+        self.job.prepare()
         with contextlib.ExitStack() as stack:
             if executor is None:
                 pool = stack.enter_context(ThreadPoolExecutor(threads))
@@ -200,7 +201,7 @@ class _Work:
             if shard is not None:
                 return shard
             self._note(index, why)
-        made = carried_out(self.job, index, lambda part: self._tell(index, part), self._stop,
+        made = self.job.carried_out(index, lambda part: self._tell(index, part), self._stop,
                            before)
         digest = "" if self.folder is None else write_shard(
             self.folder, index, made.data, told, made.handed)
@@ -253,7 +254,7 @@ def numbers_of(job: Job, found: Found) -> dict[str, NDArray[Any]]:
     """The numbers of all runs, name -> (runs,) array; what is not known of a run is NaN or 0."""
     data = dict(found.data)
     bad = data["status"] != Status.OK
-    for name, kind in kept(job.observe).items():
+    for name, kind in job.kept.items():
         if kind is float:
             data[name][bad] = np.nan
     for name in RATES:
