@@ -1,6 +1,11 @@
 """Make docs/gallery.md and its images from results/ of the shipped decks.
 
 Run from the checkout after `lapwing run --figures none inputs/*.nml`: python docs/make_gallery.py
+
+The README's map of a million runs is drawn anew where these lie, half an hour of two cores:
+
+    lapwing run --figures none --out results/million --set map.x_count=1000 --set map.y_count=1000 \
+        inputs/plane_25x32.nml
 """
 
 import re
@@ -15,6 +20,9 @@ DOCS = Path(__file__).parent
 RESULTS = Path("results")
 # Dots an inch: the figures are drawn for a page, so that letters and colours stay what they are.
 DPI = 90
+# Of a thousand cells side by side each is to have a pixel.
+FINE_DPI = 135
+MILLION = RESULTS / "million" / "plane_25x32" / "result.nc"
 # Figures beside those that a run draws by itself, at least one of each kind.
 MORE = {"lapping_25x32": {"staircase_torque", "phase_portrait_torque_3.3",
                           "impact_section_torque_3.3", "spectrum_torque_3.3", "te_curve"},
@@ -70,9 +78,9 @@ FIGURES = {
 }
 
 
-def drawn(results, tasks, folder):
+def drawn(results, tasks, folder, dpi=DPI):
     """Draw some figures of a result file for a page."""
-    before, style.DPI = style.DPI, DPI
+    before, style.DPI = style.DPI, dpi
     folder.mkdir(parents=True, exist_ok=True)
     try:
         for task in tasks:
@@ -83,10 +91,11 @@ def drawn(results, tasks, folder):
         style.DPI = before
 
 
-def shrunk(stem, result, target):
+def shrunk(stem, result, target, dpi=DPI):
     """One figure of a result file, drawn for a page."""
     with read_results(result) as results, tempfile.TemporaryDirectory() as folder:
-        drawn(results, [task for task in tasks_of(results) if task.stem == stem], Path(folder))
+        drawn(results, [task for task in tasks_of(results) if task.stem == stem], Path(folder),
+              dpi)
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes((Path(folder) / f"{stem}.png").read_bytes())
 
@@ -129,10 +138,10 @@ def main():
                 lines += [f"![{deck}: {task.stem.replace('_', ' ')}]({image.as_posix()})", ""]
     (DOCS / "gallery.md").write_text("\n".join(lines), encoding="utf-8")
     # Of the README.
-    for deck, stem in (("lapping_25x32", "orbit_diagram_torque"), ("plane_25x32",
-                                                                   "map_classes_plane")):
-        shrunk(stem, RESULTS / deck / "result.nc",
-               DOCS / "images" / f"{stem.rpartition('_')[0]}.png")
+    shrunk("orbit_diagram_torque", RESULTS / "lapping_25x32" / "result.nc",
+           DOCS / "images" / "orbit_diagram.png")
+    if MILLION.exists():
+        shrunk("map_classes_plane", MILLION, DOCS / "images" / "map_classes.png", FINE_DPI)
 
 
 if __name__ == "__main__":

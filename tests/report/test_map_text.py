@@ -279,3 +279,14 @@ def test_the_last_rattling_torque_is_drawn_where_the_map_knows_it(plane, turned)
             told = rattles[i].any() and not rattles[i, -1] and i != unknown
             last = torques[rattles[i]].max() + 0.5 * np.diff(torques)[0] if told else np.nan
             np.testing.assert_allclose(line[i], last)
+
+
+def test_a_legend_takes_no_more_room_than_the_figure_has(plane):
+    data = plane.copy(deep=True)
+    period, back = data["period"].values, data["back_arrivals"].values
+    period.flat[:10], back.flat[:10] = [1, 2, 3, 5, 0, 1, 2, 0, 5, 5], [0] * 5 + [1] * 5
+    data["arrivals"].values.flat[:10] = 1
+    drawn = map_classes.draw(data)
+    (legend,) = drawn.legends
+    assert len(legend.get_texts()) >= 9
+    assert legend.get_window_extent().width <= drawn.bbox.width

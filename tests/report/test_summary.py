@@ -20,6 +20,7 @@ from lapwing.report.response import (
     _times,
 )
 from lapwing.report.summary import summary_text
+from lapwing.report.words import plural
 from lapwing.results import read_results, write_results
 from lapwing.studies.response.run import response
 
@@ -217,3 +218,9 @@ def test_an_interval_or_a_change_is_always_told():
     assert with_error(321.236871, 0.3, "±") == "321.2 ± 0.3"
     assert with_error(321.236871, 2e-9, "±") == "321.2 ± 2e-09"
     assert with_error(321.236871, 2e-9, "change") == "321.2 (change 2e-09)"
+
+
+@pytest.mark.parametrize(("number", "told"), [
+    (1, "1 run"), (0, "0 runs"), (1_000_000, "1000000 runs"), (2.0, "2 runs"), (0.25, "0.25 runs")])
+def test_whole_numbers_of_things_are_told_whole(number, told):
+    assert plural(number, "run") == told

@@ -26,7 +26,8 @@ def markdown(rows: Sequence[Sequence[str]]) -> list[str]:
 
 def plural(number: float, word: str) -> str:
     """Number and word, the word with an s unless the number is one."""
-    return f"{number:g} {word}" + "s" * bool(number != 1)
+    told = f"{number:.0f}" if float(number).is_integer() else f"{number:g}"
+    return f"{told} {word}" + "s" * bool(number != 1)
 
 
 def method_words(attrs: dict[str, Any]) -> str:

@@ -270,6 +270,10 @@ def finish(figure: Figure, axis: Axes, data: xr.Dataset, handles: list[Any]) -> 
 
         cells(axis, data, np.where(failed, 0.0, np.nan), cmap=ListedColormap([style.BLACK]))
     handles = [*handles, *lost, *seen]
-    if handles:
-        figure.legend(handles=handles, loc="outside lower center", ncols=min(4, len(handles)))
+    # As many columns as there is room for.
+    for columns in range(min(4, len(handles)), 0, -1):
+        legend = figure.legend(handles=handles, loc="outside lower center", ncols=columns)
+        if columns == 1 or legend.get_window_extent().width <= figure.bbox.width:
+            break
+        legend.remove()
     return figure
