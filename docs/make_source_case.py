@@ -13,9 +13,9 @@ import xarray as xr
 from make_gallery import DPI, shrunk
 
 from lapwing.base.codes import BranchOutcome, SearchStage, SpecialPoint
+from lapwing.base.messages import decimals
 from lapwing.plots import style
 from lapwing.plots.critical_marks import label_of
-from lapwing.report.critical import decimals
 from lapwing.results import read_results
 
 DOCS = Path(__file__).parent

@@ -254,6 +254,8 @@ class _Run:
                     for path in staging.path.iterdir():
                         if path.suffix[1:] in FORMATS:
                             path.unlink()
+            if undrawn or not drawn:
+                self._forget_lost_figures(staging.path)
             manifest = Manifest.of(
                 staging.path, state=COMPLETE if drawn and not undrawn else INCOMPLETE,
                 inputs=self.inputs, program=__version__, engine=engine_digest(),
@@ -274,8 +276,6 @@ class _Run:
 
     def _write(self, found: Found, folder: Path) -> dict[str, str]:
         """Result file, summary and the deck as used; returns the checksums of the variables."""
-        from lapwing.plots import names_of
-        from lapwing.report.summary import summary_text
         from lapwing.results import read_results, write_results
         from lapwing.studies.of_deck import studies_of
 
@@ -293,11 +293,31 @@ class _Run:
                 interrupted=found.interrupted, studies=studies_of(self.deck))
         with read_results(folder / RESULT_FILE, check=False) as results:
             self._warn(results.transmission_error.attrs)
-            (folder / SUMMARY).write_text(summary_text(results, names_of(results, self.words)),
-                                          encoding="utf-8")
+        self._summarise(folder)
         (folder / USED_DECK).write_text(text, encoding="utf-8")
         done(1.0)
         return variables
+
+    def _summarise(self, folder: Path, name: str = SUMMARY, drawn: bool = False) -> None:
+        """Write the summary; it names the figures asked for, or of these the ones drawn."""
+        from lapwing.plots import names_of
+        from lapwing.report.summary import summary_text
+        from lapwing.results import read_results
+
+        with read_results(folder / RESULT_FILE, check=False) as results:
+            figures = [one for one in names_of(results, self.words)
+                       if not drawn or (folder / one).exists()]
+            (folder / name).write_text(summary_text(results, figures), encoding="utf-8")
+
+    def _forget_lost_figures(self, folder: Path) -> None:
+        """Name no figure in the summary that is not there; on a full disk it stays as it is."""
+        part = folder / f"{SUMMARY}.part"
+        with contextlib.suppress(KeyboardInterrupt), held():
+            try:
+                self._summarise(folder, part.name, drawn=True)
+                part.replace(folder / SUMMARY)
+            except OSError:
+                part.unlink(missing_ok=True)
 
     def _warn(self, attrs: dict[str, Any]) -> None:
         """Say of measured samples what the summary warns of."""

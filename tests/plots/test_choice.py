@@ -104,11 +104,12 @@ def test_the_few_are_some_of_the_figures(kind):
 
 def test_the_summary_names_the_figure_to_look_at_first(results):
     names = plots.names_of(results, asked("png", every(results)))
-    assert names[0].startswith("deepest_separation_")
+    # Along a speed the amplitudes are the picture; it is the only sweep that has them.
+    assert names[0] == "amplitudes_speed.png" and names[1].startswith("deepest_separation_")
     lines = summary_text(results, names).splitlines()
     assert lines[2] == (f"Figure to look at first: [{names[0]}]({names[0]}); {len(names) - 1} more "
                         "beside it.")
     # The findings follow, and are found again where a run is used once more.
-    assert lines[3] == "## Findings" and lines[5].startswith("- ")
+    assert lines[3] == "## Findings" and lines[4].startswith("- ")
     assert findings_in("\n".join(lines)) == findings_in(summary_text(results)) != ()
     assert "Figure to look at" not in summary_text(results)

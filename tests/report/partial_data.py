@@ -69,7 +69,7 @@ def aperiodic(data):
     """No motion has a period, and no exponent is known."""
     data = data.copy(deep=True)
     data["period"][:] = 0
-    data["motion_class"] = (data["status"].dims, np.full(data["status"].shape, "aperiodic"))
+    data["motion_class"] = (data["status"].dims, np.full(data["status"].shape, "no period"))
     for name in data:
         if "exponent" in name or "multiplier" in name:
             data[name] = data[name] * np.nan

@@ -79,8 +79,8 @@ def without_halves(data):
 
 def without_period(data):
     """A motion that does not repeat; an average has an interval, a greatest value has none."""
-    data = data.assign_attrs(period=0, motion_class="aperiodic", error_kind="statistical",
-                             motion_class_reference="aperiodic")
+    data = data.assign_attrs(period=0, motion_class="no period", error_kind="statistical",
+                             motion_class_reference="no period")
     if "lyapunov_exponent" in data.attrs:
         data.attrs.update(lyapunov_exponent=0.01, lyapunov_exponent_error=math.nan)
     for name in ("multiplier_real", "multiplier_imag", "orbit_period"):

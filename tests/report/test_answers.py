@@ -19,8 +19,9 @@ import lapwing
 from helpers import PAIR, SHIPPED
 from lapwing import MotionState, Status
 from lapwing.base.codes import SearchStage
+from lapwing.base.messages import at_least, at_most
 from lapwing.report.answers.findings import findings, findings_in, findings_lines, on_console
-from lapwing.report.answers.limits import at_least, at_most, bands
+from lapwing.report.words import bands
 
 SWEEPS = ("torque", "compliant", "rigid", "one_branch", "single", "negative", "engaged", "speed")
 RESPONSES = ("periodic", "chaotic", "chatter", "engaged", "rigid", "compliant", "short")
@@ -75,7 +76,7 @@ def check(said, seen):
     lost = {value for value, _, _, broken in seen if broken}
     if not there:
         for claim in ("looked at above", "were seen at", "not seen to part", "at least",
-                      "no other motion", "last seen", "part at"):
+                      "no other motion", "were last seen at", "part at"):
             assert claim not in text, claim
     if found := re.search(r"\*\*Back \w+\*\* were last seen at ([\d.]+)", text):
         assert float(found[1]) == back[-1]
@@ -91,12 +92,12 @@ def check(said, seen):
         assert not rattling
     if "no other motion was seen above it." in text or "not seen to part" in text:
         assert not any(one[1] for one in there if one[0] > 11.9167454)
-    if found := re.search(r"choose at least ([\d.]+) N·m", text):
+    if found := re.search(r"Choose at least ([\d.]+) N·m", text):
         least = float(found[1])
         assert not any(value >= least for value in rattling)
         assert any(one[1] is False and one[0] <= least + 1e-9 for one in there)
         assert least not in lost
-    if found := re.search(r"choose more than ([\d.]+) N·m", text):
+    if found := re.search(r"Choose more than ([\d.]+) N·m", text):
         assert not rattling or float(found[1]) >= rattling[-1]
     if found := re.search(r"(\d+) motions? failed", text):
         assert lost and int(found[1]) > 0
@@ -131,7 +132,7 @@ def test_findings_of_a_search_rest_on_its_motions(searches, name, damage):
     check(said, list(trials(data)))
     if damage is nothing_known:
         assert said == [NOTHING]
-    if "T_safe)" in " ".join(said):
+    if "(T_safe)" in " ".join(said):
         assert data.attrs["outcome"] == "found" and data["trial_rattling"].values.any()
 
 
@@ -153,16 +154,22 @@ def test_findings_of_a_response_rest_on_it(responses, name, damage):
 
 
 def test_studies_are_taken_together(sweeps, searches):
-    said = told(criticals=[searches["safe"], searches["back"]], sweeps=[sweeps["torque"]])
+    balanced = searches["safe"].assign_attrs(balanced=1)
+    said = told(criticals=[balanced, searches["back"]], sweeps=[sweeps["torque"]])
     everything = [*points(sweeps["torque"]), *trials(searches["safe"]), *trials(searches["back"])]
     check(said, everything)
     text = " ".join(said)
     assert "**Back impacts** were last seen at 0.7 N·m" in text
     assert "each from rest and 16 other starts" in text
-    assert re.search(r"from 11\.92 N·m\*\* \(T_full.*from there to 12\.3\d* N·m rattling", text)
-    assert "choose at least 12.5 N·m** (T_safe)" in text
+    assert re.search(r"From 11\.92 N·m contact can be kept, but need not be\*\* \(T_full.*from "
+                     r"there to 12\.3\d* N·m rattling", text)
+    # The recommendation is the first sentence, and the only one; what its symbols mean follows.
+    assert said[0].startswith("**Choose at least 12.5 N·m** (T_safe) and a margin: with 10 % more "
+                              "transmission error it would be 13.8 N·m; ")
+    assert "(T_safe: above it none" in said[0] and "; T_back: back impacts" in said[0]
+    assert len(re.findall("choose", text, re.IGNORECASE)) == 1
     # Between 0.7 and the last rattling: in between, not "where the teeth part".
-    assert "**In between**, each from rest: at 1.8 N·m 3 impacts per mesh cycle, 609.7" in text
+    assert "**In between**, each from rest: at 1.8 N·m 3 impacts per mesh cycle and 609.7" in text
 
 
 def test_a_sweep_that_rattles_above_the_search_moves_the_choice(sweeps, searches):
@@ -170,7 +177,7 @@ def test_a_sweep_that_rattles_above_the_search_moves_the_choice(sweeps, searches
     last = louder.sizes["brake_torque"] - 2  # 13 N·m
     louder["impacts"][{"start": 0, "brake_torque": last}] = 4
     said = " ".join(told(criticals=[searches["safe"]], sweeps=[louder]))
-    assert "up to 13 N·m" in said and "choose at least 14 N·m" in said
+    assert "up to 13 N·m" in said and "Choose at least 14 N·m" in said
 
 
 def test_what_was_not_computed_comes_first(sweeps):
@@ -209,8 +216,19 @@ def test_other_operating_points_are_kept_apart(searches):
 def test_along_another_parameter(sweeps):
     data = sweeps["speed"].assign_attrs(brake_torque=3.3).drop_vars("dynamic_te_rms")
     said, = told(sweeps=[data])
-    assert said == ("**Along the pinion speed** (3 values, 100 to 400 rpm, at 3.3 N·m) the teeth "
-                    "part at 200 to 400 rpm, not at 100 rpm; back impacts were not seen.")
+    assert said == ("**Along the pinion speed** (3 values, 100 to 400 rpm; 3.3 N·m throughout: "
+                    "which torque to choose was not asked) the teeth part at 200 to 400 rpm, not "
+                    "at 100 rpm; back impacts were not seen.")
+
+
+def test_starts_that_differ_along_another_parameter_are_told_apart(sweeps):
+    data = sweeps["speed"].drop_vars("dynamic_te_rms").copy(deep=True)
+    down = [str(start) for start in data["start"].values].index("down")
+    data["states_visited"][down, 1] = 1 << MotionState.ENGAGEMENT
+    data["impacts"][down, 1] = 0
+    said, = told(sweeps=[data])
+    assert ("the teeth part at 200 to 400 rpm (each from rest, carried upwards), at 400 rpm "
+            "(carried downwards); back impacts were not seen.") in said
 
 
 def test_negative_torques_press_on_the_coast_flanks(sweeps):

@@ -4,12 +4,14 @@ import re
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import lapwing
 from helpers import PAIR, SHIPPED
 from lapwing import StartGrid, TransmissionError
 from lapwing.base.codes import SearchStage
-from lapwing.report.critical import critical_table, critical_text, decimals, headline
+from lapwing.base.messages import decimals
+from lapwing.report.critical import critical_table, critical_text, headline
 
 ABSOLUTE = {"pinion_speed_rpm": 240, "impact_law": "absolute"}
 SMALL = {"starts": StartGrid(2, 2, 2), "settle": 40, "record": 20, **ABSOLUTE}
@@ -53,6 +55,17 @@ def test_the_last_rattling(safe):
     assert f"at {safe.rattling:g} N·m" in said and f"at {safe.clean:g} N·m" in said
     assert "from rest and 16 starts (2 phases × 2 positions × 2 speeds" in said
     assert "20 mesh cycles after 40" in said and "not covered" in said
+
+
+@pytest.mark.parametrize(("carried", "died"), [(0, True), (1, False)])
+def test_motions_carried_to_the_last_rattling_value_may_have_died(safe, carried, died):
+    """A trial of motions carried there from below, made up: none of them rattles, or one does."""
+    below = safe.data.isel(trial=[0]).copy(deep=True)
+    below["trial_value"][:], below["trial_rattling"][:] = safe.rattling, carried
+    below["trial_stage"][:] = SearchStage.CARRIED
+    said = text(xr.concat([safe.data, below], "trial", combine_attrs="override"))
+    assert ("from the values below it had died on the way" in said) == died
+    assert "died on the way" not in text(safe)
 
 
 def test_two_kinds_of_motion_beside_each_other(full, safe):

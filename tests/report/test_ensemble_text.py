@@ -54,7 +54,7 @@ def test_ensembles_of_the_same_draws_answer_together(pairs):
     assert sum("can keep contact" in one for one in said) == 1
     assert [one[:10] for one in said if "stay together" in one and "At" in one] == \
         ["**At 2 N·m", "**At 40 N·"]
-    assert any(one.startswith("**So 40 N·m keeps 99 % of pairs together**, the least of 2 torques")
+    assert any(one.startswith("**Choose 40 N·m**: it keeps 99 % of pairs together, the least of 2")
                for one in said)
     assert any("**No torque that was run surely keeps 99 %" in one for one in findings([low]))
     # So few draws cannot say so, whatever they show.

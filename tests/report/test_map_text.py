@@ -16,7 +16,8 @@ from lapwing.plots.map import (
     map_rms,
     parts,
 )
-from lapwing.report.map.text import findings, headline, map_text
+from lapwing.report.map.findings import findings
+from lapwing.report.map.text import headline, map_text
 from lapwing.results.findings import KINDS, map_kinds, map_rattles
 from lapwing_bench.scenes import PAIR
 
@@ -63,7 +64,7 @@ def test_kinds_are_by_what_arrives_and_repeats(plane):
 
 
 def test_a_whole_map_in_words(plane):
-    text, (said,) = "\n".join(map_text(plane)), findings(plane)
+    text, said = "\n".join(map_text(plane)), " ".join(findings(plane))
     seen = plane["brake_torque"].values[map_rattles(plane).values.any(axis=0)].max()
     kept = 100 * (1 - map_rattles(plane).values.mean())
     assert f"contact was kept in {kept:.3g} %** of 48 runs from rest" in said
@@ -78,7 +79,7 @@ def test_what_is_missing_is_said_and_judges_nothing(plane, status):
     top = np.zeros(plane["status"].shape, dtype=bool)
     top[:, 4:] = True
     data = lost(plane, status, top)
-    text, (said,) = "\n".join(map_text(data)), findings(data)
+    text, said = "\n".join(map_text(data)), " ".join(findings(data))
     assert "of 24 of 48 runs from rest" in said
     assert "24 runs without a result may hold others" in said
     assert ("**24 not reached**" in text) == (status == Status.UNFINISHED)
@@ -104,6 +105,35 @@ def test_rest_on_the_coast_flank_is_no_separation():
     assert "| 300 | none | none |" in text
     (alone,) = findings(data.isel(brake_torque=[0]))
     assert "brake torque -14 N·m" in alone and "of 1 run from rest" in alone
+
+
+def test_a_map_says_by_what_to_choose(plane):
+    """Of each speed the least torque from which on every run is known, engaged, and T_full."""
+    rattles = map_rattles(plane).values
+    torque, full = plane["brake_torque"].values, plane["full_engagement"].values
+    least = [next((value for j, value in enumerate(torque)
+                   if not rattles[i, j:].any() and value >= full[i]), np.nan) for i in range(6)]
+    said, above = findings(plane)[0], findings(plane)[-1]
+    speed = plane["pinion_speed_rpm"].values
+    there = np.flatnonzero(np.isfinite(least))
+    assert 2 <= there.size < 6 and speed[-1] not in speed[there]
+    for i in there:
+        assert f"{least[i]:g} N·m at {speed[i]:g} rpm" in said
+    assert f"{speed[-1]:g} rpm it is more than 13 N·m, or not known" in said
+    known = torque > full[:, None]
+    assert not (known & rattles).any()
+    assert f"none of {known.sum()} runs from rest rattles" in above
+    deeper = plane.assign(full_engagement=("pinion_speed_rpm", 0.5 * np.minimum(full, 16.0)))
+    known = torque > deeper["full_engagement"].values[:, None]
+    assert 0 < (known & rattles).sum() < known.sum()
+    assert (f"{(known & rattles).sum()} of {known.sum()} runs from rest rattle all the same, at "
+            "pinion speed ") in findings(deeper)[-1]
+    quiet = plane.isel(pinion_speed_rpm=[0], brake_torque=[6, 7]).assign(
+        full_engagement=("pinion_speed_rpm", [1.0]))
+    assert findings(quiet)[0].startswith(f"**Choose at least {torque[6]:.6g} N·m**")
+    assert "none of 2 runs from rest rattles" in findings(quiet)[-1]
+    lacking = lost(quiet, Status.UNFINISHED, (0, 1))
+    assert findings(lacking)[0].startswith("**Which torque to choose is not answered**")
 
 
 @pytest.mark.parametrize("status", [Status.UNFINISHED, Status.STEP_TOO_SMALL])

@@ -85,7 +85,7 @@ def test_rattling_above_complete_engagement_is_said_with_its_start(sweeps):
     assert "none at 4 values from 12 to 14 N·m above it" in kept
     figure = orbit_diagram.draw(sweeps["torque"], PAIR)
     words = " ".join(text.get_text() for axis in figure.axes for text in axis.texts)
-    assert "contact can be kept from here" in words and "rattling seen up to 12.2" in words
+    assert "the engaged motion keeps contact above" in words and "rattling seen up to 12.2" in words
 
 
 def test_without_restitution_arrivals_are_engagements_everywhere(sweeps):

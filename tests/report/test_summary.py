@@ -10,7 +10,6 @@ import pytest
 
 import lapwing
 from helpers import PAIR, SHIPPED, as_in_a_deck, scene_a
-from lapwing.report.hysteresis import _runs
 from lapwing.report.numbers import doubtful, with_error
 from lapwing.report.response import (
     _energy_sentence,
@@ -20,7 +19,7 @@ from lapwing.report.response import (
     _times,
 )
 from lapwing.report.summary import summary_text
-from lapwing.report.words import plural
+from lapwing.report.words import plural, runs_of
 from lapwing.results import read_results, write_results
 from lapwing.studies.response.run import response
 
@@ -131,7 +130,7 @@ def test_sweep(text):
                      r"12 to 12\.7 N·m above it \(each from rest, carried downwards\)$", kept)
     # Bouncing survives above complete engagement when carried upwards (docs/model.md, section 8).
     hysteresis = re.search(r"differ in period, impacts or depth at (.*)", findings)[1]
-    assert re.search(r"(11\.9|12)–12\.\d N·m", hysteresis)
+    assert re.search(r"(11\.9|12) to 12\.\d N·m", hysteresis)
     assert re.search(r"last separation seen [^:]*: 11\.9 N·m, none at 12 N·m \(each from rest.*\); "
                      r"12\.\d N·m, none at 12\.\d N·m \(carried up", findings)
 
@@ -146,7 +145,7 @@ def test_a_sweep_has_a_table_of_at_most_twelve_values(text):
 
 def test_runs_leave_out_where_nothing_differs():
     flags = [bool(int(one)) for one in "1101100100010111"]
-    assert _runs(np.array(flags)) == [[0, 1], [3, 4], [7, 7], [11, 11], [13, 15]]
+    assert runs_of(np.array(flags)) == [(0, 1), (3, 4), (7, 7), (11, 11), (13, 15)]
 
 
 ATTRS = {"status": 0, "status_reference": 0, "motion_class": "9:(0,0)", "error_kind": "convergence",
@@ -174,7 +173,7 @@ def test_energy_fed_in_is_a_gain():
 @pytest.mark.parametrize(("changes", "shown"), [
     ({}, "take 2 mJ"), ({"impact_energy_per_cycle_error": 1e-5}, "take 2 (error 0.01) mJ"),
     # The second run does not confirm the period, or a file has no more than a change.
-    ({"motion_class_reference": "aperiodic"}, "take ≈ 2 (change 2e-07) mJ"),
+    ({"motion_class_reference": "no period"}, "take ≈ 2 (change 2e-07) mJ"),
     ({"impact_energy_per_cycle_change": None}, "take ≈ 2 (change 1e-06) mJ"),
     ({"status_reference": 4, "impact_energy_per_cycle_change": math.nan,
       "impact_energy_per_cycle_error": math.nan}, "take 2 mJ"),

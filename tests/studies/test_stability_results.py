@@ -239,7 +239,7 @@ def test_classes():
     drive, coast = np.array([9, 3, 2, 3, 2.0]), np.array([0, 0, 1, 0, 1.0])
     assert motion_class(2, drive, coast, False) == "2:(5,1)"
     assert motion_class(1, drive, coast, True) == "1:(2,1)c"
-    assert motion_class(0, drive, coast, True) == "aperiodic c"
+    assert motion_class(0, drive, coast, True) == "no period (complete chatter)"
 
 
 def test_chaos_of_scene_c_beside_a_period():
@@ -253,7 +253,7 @@ def test_chaos_of_scene_c_beside_a_period():
 
 def test_a_sweep_has_the_classes_of_its_motions(swept):
     names = swept["motion_class"].sel(start="rest").values.tolist()
-    assert names[0].startswith("aperiodic") and names[4] == "1:(0,0)"
+    assert names[0].startswith("no period") and names[4] == "1:(0,0)"
     assert names[2] == "1:(12,0)c"
     compliant = sweep(PAIR, SHIPPED, values=[5.5], starts=("rest",), contact_law="compliant",
                       settle=100, record=20, **OPERATION)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import html
+import math
 import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import TypeVar
 
 MAX_OF_A_KIND, MAX_MESSAGES, MAX_CHARACTERS, MAX_LENGTH = 20, 200, 20_000, 800
 _LONGEST_WORD = 200
+# Digits told at most: the model is not known better. The result file has all of them.
+DIGITS = 4
 _WORD = re.compile(r"'[^']*'|= \S+|\S+")
 Problem = TypeVar("Problem")
 _VARIABLE = re.compile("['=]|.*[0-9]")
@@ -17,6 +20,35 @@ _VARIABLE = re.compile("['=]|.*[0-9]")
 def cut(text: str, length: int = 40) -> str:
     """A text of at most `length` characters, with dots where something is left out."""
     return text if len(text) <= length else text[:length - 3] + "..."
+
+
+def at_least(value: float, step: float = 0.0) -> str:
+    """A lower limit in words, rounded up: to `DIGITS` digits, or to what a bracket leaves."""
+    return _rounded(value, math.ceil, step)
+
+
+def at_most(value: float, step: float = 0.0) -> str:
+    """An upper limit in words, rounded down likewise."""
+    return _rounded(value, math.floor, step)
+
+
+def _rounded(value: float, towards: Callable[[float], int], step: float) -> str:
+    if value == 0 or not math.isfinite(value):
+        return f"{value:g}"
+    places = DIGITS - 1 - math.floor(math.log10(abs(value)))
+    if step > 0:
+        places = math.ceil(-math.log10(step) - 1e-9)
+    unit = 10.0 ** -places
+    # What is a multiple of the unit but for rounding stays.
+    whole = round(value / unit) if abs(value / unit - round(value / unit)) < 1e-6 \
+        else towards(value / unit)
+    return f"{whole * unit:.10g}"
+
+
+def decimals(value: float, bar: float) -> tuple[str, str]:
+    """`value` to the digits that its bar leaves, and the bar to two digits."""
+    places = max(0, 1 - math.floor(math.log10(bar))) if bar > 0 else 6
+    return f"{value:.{places}f}", f"{bar:.2g}"
 
 
 def facts_html(title: str, facts: Mapping[str, object]) -> str:

@@ -199,9 +199,9 @@ DESCRIPTIONS: dict[str, tuple[str | None, str]] = {
     **{f"{name}{end}": ("1", f"{words}{of}") for name, words in (
         ("probability", "probability"),
         ("main_effect", "part of the variance that the parameter makes alone"),
-        ("total_effect", "part of the variance that the parameter has a part in"))
+        ("total_effect", "part of the variance that the parameter has a part in"),
+        ("rank_correlation", "Spearman's rank correlation of parameter and answer"))
        for end, of in (("", ""), ("_low", ", lower 95 % limit"), ("_high", ", upper 95 % limit"))},
-    "rank_correlation": ("1", "Spearman's rank correlation of parameter and answer"),
     **STABILITY,
     "speed_edge": ("rad", f"edges of the bins of impact speed, {VELOCITY}"),
     "impact_speed_density": ("1", "impacts per mesh cycle in a bin of speed, either flank"),

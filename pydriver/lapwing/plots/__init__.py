@@ -92,9 +92,21 @@ def tasks_of(results: Any) -> list[Task]:
 
 
 def names_of(results: Any, words: Iterable[str]) -> list[str]:
-    """File names of the figures that are asked for, as PNG, in reading order."""
-    return [f"{task.stem}.png" for task in tasks_of(results)
-            if "png" in formats_of(task, results, words)]
+    """File names of the figures that are asked for, as PNG, the first to look at first.
+
+    It is of the kind of study that gives the widest view; of these figures the one whose module
+    says by `leads(dataset)` that it answers most. All others are in reading order.
+    """
+    tasks = [task for task in tasks_of(results) if "png" in formats_of(task, results, words)]
+    first = max((task for task in tasks if task.kind == tasks[0].kind), default=None,
+                key=lambda task: _leads(task, results))
+    return [f"{task.stem}.png" for task in sorted(tasks, key=lambda task: task is not first)]
+
+
+def _leads(task: Task, results: Any) -> float:
+    leads = getattr(figure_module(task.module), "leads", lambda _: 0.0)
+    # NaN of a run that failed would win and lose against everything.
+    return float(np.nan_to_num(leads(results.study(task.kind, task.name)))) if task.name else 0.0
 
 
 def _reading_order() -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import textwrap
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -10,20 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lapwing.base import quantities
+from lapwing.base.arrivals import arrivals_in
+from lapwing.base.messages import at_least, decimals
 from lapwing.plots import style
 from lapwing.plots.layout import ABOVE
 from lapwing.plots.sweep import parts as sweep_parts
-from lapwing.results.findings import search_bounded, search_known
+from lapwing.results.findings import SYMBOLS, known, search_bounded, search_known
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
-SYMBOLS = {"full": "T_full", "safe": "T_safe", "back": "T_back", "on": "T_on"}
 # By what is found; T_full has a line of its own where it is stored with the sweep.
 COLORS = {"full": "0.35", "safe": style.GREEN, "back": style.BLUE, "on": style.BLACK}
 # Points: a row of words above a panel, and a letter of them; inches beside a panel.
-ROW, LETTER, BESIDE = 12.5, 4.5, 1.6
+ROW, LETTER, BESIDE = 12.5, 4.7, 1.6
 
 
 class Mark(NamedTuple):
@@ -55,10 +55,11 @@ def marks_of(criticals: list[xr.Dataset], parameter: str) -> list[Mark]:
             continue
         low, high = sorted(bracket(attrs)) if search_bounded(one) else (attrs["clean"],) * 2
         side = "above" if attrs.get("safe_end", "high") == "high" else "below"
-        words = {"back": "T_back: " + label_of(one),
-                 "safe": label_of(one) + f": no rattling seen {side}"}
-        marks.append(Mark(str(attrs["find"]), float(low), float(high),
-                          words.get(attrs["find"], label_of(one))))
+        words = {"safe": f"no rattling seen {side}", "on": f"a resting rigid tooth stays {side}",
+                 "full": f"the engaged motion keeps contact {side}"}
+        label = f"T_back: back impacts {label_of(one)}" if attrs["find"] == "back" else \
+            f"{label_of(one)}: {words[attrs['find']]}"
+        marks.append(Mark(str(attrs["find"]), float(low), float(high), label))
     return sorted(marks, key=lambda mark: mark.low)
 
 
@@ -86,8 +87,7 @@ def label_of(critical: xr.Dataset) -> str:
         return f"last seen at {attrs['last_seen']:g}, none at {attrs['first_clean']:g} {unit}"
     noise = f" ({attrs['low']:.3g} to {attrs['high']:.3g}, 95 %)" if "low" in attrs else ""
     if attrs["bar"] > 0:
-        places = max(0, 1 - int(np.floor(np.log10(attrs["bar"]))))
-        number = f"{attrs['estimate']:.{places}f} ± {attrs['bar']:.2g}"
+        number = " ± ".join(decimals(attrs["estimate"], attrs["bar"]))
     else:
         number = f"{attrs['estimate']:.{3 if noise else 4}g}"
     return f"{name} = {number} {unit}".rstrip() + noise
@@ -106,20 +106,29 @@ def full_mark(sweep: xr.Dataset, given: float | None = None) -> Mark | None:
         return None
     ends = [float(sweep.attrs[key]) for key in ("full_engagement_low", "full_engagement_high")
             if np.isfinite(sweep.attrs.get(key, np.nan))]
-    number = _rounded_up(value) if len(ends) < 2 else \
+    number = at_least(value) if len(ends) < 2 else \
         f"{value:.3g} ({ends[0]:.3g} to {ends[1]:.3g}, 95 %)"
     low, high = ends if len(ends) == 2 else (value, value)
     unit = sweep_parts.unit_of(sweep_parts.parameter_of(sweep))
-    return Mark("full", low, high, f"T_full = {number} {unit}: contact can be kept from here; "
-                + sweep_parts.beyond(sweep, value))
+    return Mark("full", low, high, f"T_full = {number} {unit}: the engaged motion keeps contact "
+                f"above; {sweep_parts.beyond(sweep, value)}")
 
 
-def _rounded_up(value: float) -> str:
-    """Four digits of a lower limit, never below it, as the summary has them."""
-    if value == 0:
-        return "0"
-    unit = 10.0 ** (math.floor(math.log10(abs(value))) - 3)
-    return f"{math.ceil(value / unit - 1e-6) * unit:.4g}"
+def back_mark(sweep: xr.Dataset) -> Mark | None:
+    """The last back impact that a sweep saw along the braking torque; None where it saw no end."""
+    if sweep_parts.parameter_of(sweep) != "brake_torque" or "back_impacts" not in sweep:
+        return None
+    values, done = _values_of(sweep), np.all(known(sweep), axis=0)
+    seen = (sweep["back_impacts"] + sweep["back_engages"] > 0).any(
+        ("start", "recorded_cycle")).values
+    last = np.flatnonzero(seen)
+    if not last.size or last[-1] == values.size - 1 or values[0] < 0 \
+            or not np.all(done[last[-1] + 1:]):
+        return None
+    low, high = values[last[-1]], values[last[-1] + 1]
+    unit, word = sweep_parts.unit_of("brake_torque"), arrivals_in(sweep.attrs).word
+    return Mark("back", float(low), float(high),
+                f"back {word}s last seen at {low:g}, none from {high:g} {unit} on")
 
 
 def mark_sweep(axes: Any, sweep: xr.Dataset, full_engagement: float | None, marks: Any,
@@ -135,9 +144,12 @@ def mark_sweep(axes: Any, sweep: xr.Dataset, full_engagement: float | None, mark
     marks : sequence of Mark
     color : of all lines, or None: each its own
     """
-    full = full_mark(sweep, full_engagement)
-    others = [mark for mark in marks if not (mark.find == "full" and full is not None)]
-    draw_marks(axes, [*([full] if full else []), *others], _values_of(sweep), color)
+    own = {mark.find: mark for mark in (full_mark(sweep, full_engagement), back_mark(sweep))
+           if mark is not None}
+    if any(mark.find == "back" for mark in marks):  # a search looks longer
+        own.pop("back", None)
+    others = [mark for mark in marks if not (mark.find == "full" and "full" in own)]
+    draw_marks(axes, [*own.values(), *others], _values_of(sweep), color)
 
 
 def _values_of(sweep: xr.Dataset) -> NDArray[Any]:

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 LOOKS: dict[SearchStage, dict[str, Any]] = {
     SearchStage.SCAN: {"marker": "o", "color": style.BLUE, "label": "scan, from the safe end"},
     SearchStage.BISECTION: {"marker": "s", "color": style.ORANGE, "label": "bisection"},
-    SearchStage.CARRIED: {"marker": "^", "color": style.VERMILION, "label": "motions carried from "
-                          "the unsafe side"},
+    SearchStage.CARRIED: {"marker": "^", "color": style.VERMILION, "label": "carried from the "
+                          "unsafe side; 0 %: died on the way"},
     SearchStage.FURTHER: {"marker": "o", "color": style.SKY, "label": "beyond the bracket"},
 }
 TITLES = {"full": "contact of the engaged motion", "safe": "rattling motions",
@@ -79,8 +79,9 @@ def draw(critical: xr.Dataset, gear_pair: dict[str, float] | None = None, *,
         axes[0].set_xticks(tried)
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(5, len(labels)))
-    name = critical.attrs.get("name", find)
-    figure.suptitle(f"{name}: {TITLES[find]}; {label_of(critical)}" if title is None else title)
+    name, found = critical.attrs.get("name", find), label_of(critical)
+    head = f"{name}: " * (not found.startswith(f"{name} ")) + TITLES[find]
+    figure.suptitle(f"{head}; {found}" if title is None else title)
     return figure
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lapwing.plots import style
-from lapwing.plots.critical_marks import SYMBOLS
+from lapwing.results.findings import SYMBOLS
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 # Okabe and Ito's palette: told apart by colour-blind readers and by lightness in grey.
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
-BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
+BLUE, VERMILION, PURPLE, YELLOW = "#0072B2", "#D55E00", "#CC79A7", "#F0E442"
 # What somebody else reports: a darker purple for small print.
 CLAIM, CLAIM_TEXT = PURPLE, "#8F3F6E"
 WALL, QUIET = "0.35", "0.4"

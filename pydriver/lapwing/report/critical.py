@@ -8,16 +8,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lapwing.base.codes import SearchStage
+from lapwing.base.messages import decimals
 from lapwing.report.measured import critical_words, has_interval, value_and_interval
-from lapwing.report.words import markdown, parameter_unit, parameter_words, plural
-from lapwing.results.findings import search_bounded, search_known, words_beyond
+from lapwing.report.words import (
+    listed,
+    markdown,
+    parameter_unit,
+    parameter_words,
+    plural,
+    runs_of,
+)
+from lapwing.results.findings import SYMBOLS, search_bounded, search_known, words_beyond
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from lapwing.results.file import Results
 
-SYMBOLS = {"full": "T_full", "safe": "T_safe", "back": "T_back", "on": "T_on"}
 MEANINGS = {"full": "contact can be kept", "safe": "no rattling seen",
             "back": "last back impact seen", "on": "a resting rigid tooth stays on"}
 # Bands of back impacts named one by one; of more the outermost.
@@ -78,12 +85,6 @@ def headline(critical: Any) -> str:
     if attrs.get("curve") == "samples":
         bar = " (samples used raw)"
     return f"{_meaning(critical)} {_name(critical)} {value}{bar} {_unit(critical)}".rstrip()
-
-
-def decimals(value: float, bar: float) -> tuple[str, str]:
-    """`value` to the digits that its bar leaves, and the bar to two digits."""
-    places = max(0, 1 - math.floor(math.log10(bar))) if bar > 0 else 6
-    return f"{value:.{places}f}", f"{bar:.2g}"
 
 
 def _meaning(critical: Any) -> str:
@@ -240,7 +241,7 @@ def _safe(critical: xr.Dataset) -> str:
             + _failures(trials) + _confirmation(critical) +
             f"Rattling motions were carried on in steps of {2 * attrs['resolution']:.3g} "
             f"{_unit(critical)} or less until none survived. " * bool(at_last["rattling"])
-            + _further(critical) + looked)
+            + _died_before(critical) + _further(critical) + looked)
 
 
 def _worst(trials: xr.Dataset, value: float) -> dict[str, int]:
@@ -270,6 +271,19 @@ def _confirmation(critical: xr.Dataset) -> str:
     lost = f", {failed} failed" * bool(failed)
     return (f"Of {starts} of those followed ten times as long {rattling} still "
             f"{'rattles' if rattling == 1 else 'rattle'}{lost}{transient}. ")
+
+
+def _died_before(critical: xr.Dataset) -> str:
+    """That what was carried to the last rattling value had died on the way, where it had."""
+    value, stage = critical["trial_value"].values, critical["trial_stage"].values
+    rattling = critical["trial_rattling"].values[value == critical.attrs["rattling"]]
+    carried = critical["trial_rattling"].values[
+        (value == critical.attrs["rattling"]) & (stage == SearchStage.CARRIED)]
+    if not carried.size or carried.any() or not rattling.any():
+        return ""
+    return (f"Those that were carried to {_with_unit(critical, critical.attrs['rattling'])} from "
+            f"the values {_sides(critical)[1]} it had died on the way: what rattles there comes "
+            "from its own starts. ")
 
 
 def _further(critical: xr.Dataset) -> str:
@@ -357,15 +371,13 @@ def _bands(critical: xr.Dataset) -> str:
     blind = order.size < critical.sizes["trial"]
     values = critical["trial_value"].values[order]
     hit = critical["trial_back_cycles"].values[order] > 0
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], hit, [False]]).astype(int)))
-    runs = [f"{values[a]:g}" if b - a == 1 else f"{values[a]:g}–{values[b - 1]:g}"
-            for a, b in edges.reshape(-1, 2)]
-    if len(runs) == 1:
-        return (f"Back impacts at {runs[0]} {_unit(critical)}, at every value of the grid "
+    found = runs_of(hit)
+    bands = listed(found, values, BANDS)
+    if len(found) == 1:
+        return (f"Back impacts at {bands} {_unit(critical)}, at every value of the grid "
                 f"{'examined ' * blind}between.")
-    shown = runs if len(runs) <= BANDS else [*runs[:BANDS // 2], "…", *runs[-BANDS // 2:]]
-    return (f"**Not one threshold:** back impacts come in {len(runs)} bands of the grid, "
-            + ", ".join(shown) + f" {_unit(critical)}, and none is seen at the values "
+    return (f"**Not one threshold:** back impacts come in {len(found)} bands of the grid, "
+            f"{bands} {_unit(critical)}, and none is seen at the values "
             f"{'examined ' * blind}between them.")
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lapwing.base.arrivals import arrivals_in, per_cycle
 from lapwing.base.codes import MotionState, Status
-from lapwing.report.words import markdown, plural
+from lapwing.report.words import listed, markdown, plural, runs_of
 from lapwing.results.findings import known, rattles, span
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def hysteresis(sweep: xr.Dataset, unit: str) -> list[str]:
     starts = [str(start) for start in sweep["start"].values]
     if not {"up", "down"} <= set(starts):
         return ["not looked for (needs the starts up and down)"]
-    branches = {start: _Branch(sweep.sel(start=start)) for start in starts}
+    branches = {start: Branch(sweep.sel(start=start)) for start in starts}
     up, down = branches["up"], branches["down"]
     values = sweep[sweep.attrs["parameter"]].values
     judged, neither = up.judged(down), up.ok & down.ok & ~up.judged(down)
@@ -49,7 +49,7 @@ def hysteresis(sweep: xr.Dataset, unit: str) -> list[str]:
         why = plural(int(neither.sum()), "value") + " in common" \
             + ", all of motions without a period" * bool(neither.any())
         return [f"not known ({why})"]
-    runs = _runs(up.differs(down))
+    runs = runs_of(up.differs(down))
     words = f"period, {up.law.word}s or depth"
     if runs:
         line = f"up and down differ in {words} at " + _places(runs, branches, values, unit)
@@ -58,9 +58,10 @@ def hysteresis(sweep: xr.Dataset, unit: str) -> list[str]:
     if "rest" in branches:
         alone = branches["rest"].differs(up) & branches["rest"].differs(down) \
             & judged & ~up.differs(down)
-        if alone.any():
+        alone_at = runs_of(alone)
+        if alone_at:
             line += "; from rest a motion unlike both, which agree, at " \
-                + _list(_runs(alone), values) + f" {unit}"
+                + listed(alone_at, values, len(alone_at)) + f" {unit}"
     wide = [run for run in runs if run[1] > run[0]]
     return [line + _judged_on(judged, neither, values, unit),
             *(_table(wide, branches, values, unit) if wide else [])]
@@ -77,7 +78,7 @@ def _judged_on(judged: NDArray[Any], neither: NDArray[Any], values: NDArray[Any]
     return f" (judged at {judged.sum()} of {judged.size} values; {', '.join(reasons)})"
 
 
-class _Branch:
+class Branch:
     """What is compared of one branch, over the parameter."""
 
     def __init__(self, branch: xr.Dataset) -> None:
@@ -92,12 +93,12 @@ class _Branch:
         self.coast = self.ok & np.all(
             branch["states_visited"].values == 1 << MotionState.BACK_ENGAGEMENT, axis=-1)
 
-    def judged(self, other: _Branch) -> NDArray[Any]:
+    def judged(self, other: Branch) -> NDArray[Any]:
         """Where two branches can be compared: both have a result, and one of them a period."""
         both: NDArray[Any] = self.ok & other.ok & ((self.period > 0) | (other.period > 0))
         return both
 
-    def differs(self, other: _Branch) -> NDArray[Any]:
+    def differs(self, other: Branch) -> NDArray[Any]:
         """Where two branches end in different motions."""
         settled = (self.period > 0) & (other.period > 0)
         greatest = np.fmax(self.depth, other.depth)
@@ -131,7 +132,7 @@ class _Branch:
             self.rattles[i] == self.rattles[j])
 
 
-def _places(runs: list[list[int]], branches: dict[str, _Branch], values: NDArray[Any],
+def _places(runs: list[tuple[int, int]], branches: dict[str, Branch], values: NDArray[Any],
             unit: str) -> str:
     """Where the branches differ, in words."""
     wide = [run for run in runs if run[1] > run[0]]
@@ -139,19 +140,14 @@ def _places(runs: list[list[int]], branches: dict[str, _Branch], values: NDArray
     wild = np.any([(branches[name].period == 0) & branches[name].ok for name in ("up", "down")],
                   axis=0)
     beside = sum(bool(wild[max(i - 1, 0):i + 2].any()) for i in single)
-    parts = [_list(wide, values) + f" {unit}"] if wide else []
+    parts = [listed(wide, values, len(wide)) + f" {unit}"] if wide else []
     if single:
         parts.append(plural(len(single), "single value")
                      + f" ({beside} in or beside bands without a period)" * bool(beside))
     return " and ".join(parts)
 
 
-def _list(runs: list[list[int]], values: NDArray[Any]) -> str:
-    return ", ".join(f"{values[a]:g}" if a == b else f"{values[a]:g}–{values[b]:g}"
-                     for a, b in runs)
-
-
-def _table(runs: list[list[int]], branches: dict[str, _Branch], values: NDArray[Any],
+def _table(runs: list[tuple[int, int]], branches: dict[str, Branch], values: NDArray[Any],
            unit: str) -> list[str]:
     """Each interval with the motions at its middle, and the jumps at its ends."""
     left_out = len(runs) - TABLE_LINES
@@ -171,7 +167,7 @@ def _table(runs: list[list[int]], branches: dict[str, _Branch], values: NDArray[
             "chatter:", "", *markdown(rows)]
 
 
-def _rest(branches: dict[str, _Branch], i: int) -> str:
+def _rest(branches: dict[str, Branch], i: int) -> str:
     """Which of the two the motion from rest is."""
     if "rest" not in branches:
         return "–"
@@ -181,7 +177,7 @@ def _rest(branches: dict[str, _Branch], i: int) -> str:
     return names[0] if names else branches["rest"].describe(i)
 
 
-def _jump(branches: dict[str, _Branch], values: NDArray[Any], inside: int, outside: int) -> str:
+def _jump(branches: dict[str, Branch], values: NDArray[Any], inside: int, outside: int) -> str:
     """Which branches change their motion between the end of an interval and the value next to it.
 
     A branch jumps where its class changes, or its depth by more than half of what parts the two
@@ -199,9 +195,3 @@ def _jump(branches: dict[str, _Branch], values: NDArray[Any], inside: int, outsi
              if not branch.alike(first, last)
              or abs(branch.depth[inside] - branch.depth[outside]) > 0.5 * parted > 0]
     return f"{values[first]:g} to {values[last]:g}: " + ("; ".join(jumps) or "gradual")
-
-
-def _runs(flags: NDArray[Any]) -> list[list[int]]:
-    """First and last index of each run of flags."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
-    return [[int(first), int(end) - 1] for first, end in edges.reshape(-1, 2)]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from lapwing.report.words import plural
 from lapwing.results.curve import SHARE_THAT_DECIDES
+from lapwing.results.findings import SYMBOLS
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -178,13 +179,12 @@ def noise_findings(criticals: Any) -> list[str]:
     """
     attrs = [one.attrs for one in criticals if one.attrs["parameter"] == "brake_torque"
              and one.attrs["outcome"] == "found" and not int(one.attrs.get("own_operation", 0))]
-    names = {"full": "T_full", "on": "T_on", "safe": "T_safe"}
-    found = [f"{names[one['find']]} {value_and_interval(one)[1]}" for one in attrs
+    found = [f"{SYMBOLS[one['find']]} {value_and_interval(one)[1]}" for one in attrs
              if has_interval(one)]
     if found:
         return ["**The noise of the measured transmission error leaves** "
                 + ", ".join(found).replace(" (95 %, noise of the samples)", " N·m")
-                + " (95 %): choose by the upper ends."]
+                + " (95 %)."]
     if any(one.get("curve") == "samples" for one in attrs):
         return ["**The samples of the transmission error are used raw**: how far their noise moves "
                 "these torques is not known."]

@@ -7,12 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from lapwing.base.messages import DIGITS
+
 # Numbers that are the greatest of the recorded cycles: without a period they grow with the record.
 GREATEST = ("deepest_separation", "deepest_back_penetration", "mesh_force_peak", "impact_speed_max")
-
-
-# Digits told at most: the model is not known better. The result file has all of them.
-DIGITS = 4
 
 
 def with_error(value: float, error: float, word: str = "error") -> str:

@@ -5,7 +5,13 @@ from __future__ import annotations
 from collections.abc import Hashable, Sequence
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lapwing.base.quantities import parameter
+
+# Runs of values told one by one; of more the outermost.
+MOST = 4
 
 
 def parameter_unit(name: Hashable) -> str:
@@ -35,3 +41,21 @@ def method_words(attrs: dict[str, Any]) -> str:
     if attrs["method"] == "exact":
         return "in closed form"
     return f"rk4 at tolerance {attrs['rtol']:g}"
+
+
+def runs_of(flags: NDArray[Any]) -> list[tuple[int, int]]:
+    """First and last index of each run of flags."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
+    return [(int(first), int(end) - 1) for first, end in edges.reshape(-1, 2)]
+
+
+def listed(found: Sequence[tuple[int, int]], values: NDArray[Any], most: int = MOST) -> str:
+    """Runs of values in words: '1, 2 to 3'; of many the outermost."""
+    told = [f"{values[a]:g}" if a == b else f"{values[a]:g} to {values[b]:g}" for a, b in found]
+    return ", ".join(told if len(told) <= most else
+                     [*told[:most // 2], "…", *told[len(told) - most // 2:]])
+
+
+def bands(values: NDArray[Any], flags: NDArray[Any]) -> str:
+    """Runs of values at which something holds, in words."""
+    return listed(runs_of(flags), values)

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 START_NAMES = {"rest": "each from rest", "up": "carried upwards", "down": "carried downwards"}
+# Critical torques by what is found.
+SYMBOLS = {"full": "T_full", "safe": "T_safe", "back": "T_back", "on": "T_on"}
 ENGAGED = 1 << MotionState.ENGAGEMENT
 
 

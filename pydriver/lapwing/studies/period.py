@@ -52,10 +52,10 @@ def motion_class(period: int, drive: NDArray[Any], coast: NDArray[Any], chatter:
 
 
 def class_name(period: Any, drive: Any, coast: Any, chatter: Any) -> str:
-    """`p:(i,j)`, i and j arrivals at the drive and the coast flank in p cycles; or `aperiodic`.
+    """`p:(i,j)`, i and j arrivals at the drive and the coast flank in p cycles; or `no period`.
 
-    A motion in which a chatter was complete is marked `c`: which of its impacts count depends on
-    the threshold.
+    Of a motion in which a chatter was complete, `p:(i,j)c` or `no period (complete chatter)`, it
+    depends on the threshold which of its impacts count.
 
     Parameters
     ----------
@@ -63,5 +63,5 @@ def class_name(period: Any, drive: Any, coast: Any, chatter: Any) -> str:
     chatter : bool
     """
     if not period:
-        return "aperiodic" + " c" * bool(chatter)
+        return "no period" + " (complete chatter)" * bool(chatter)
     return f"{period}:({drive},{coast})" + "c" * bool(chatter)

@@ -17,6 +17,7 @@ from lapwing.studies.ensemble.statistics import (
 # and for those over scrambles, and of fewer where scrambling takes long, as rare by chance.
 EXACT, OVER_SCRAMBLES, SOME = (200, 184, 200), (200, 184, 197), (40, 33, 40)
 WEIGHTS = np.array([3.0, 2.0, 1.0, 0.5])
+CHANCE = 0.7  # of a standard normal answer: a quarter lies above
 LEVELS, CHANCES = (0.05, 0.5, 0.95), (0.1, 0.4)
 
 
@@ -145,12 +146,43 @@ def test_rank_correlations_are_spearmans():
     rng = np.random.default_rng(8)
     x, y = rng.random((2, 60))
     y[::3] = 0.5
-    assert rank_correlation(x, y) == pytest.approx(spearmanr(x, y).statistic, rel=1e-12)
+    sample = Sample(60, 0)
+    assert rank_correlation(x, y, sample).estimate == pytest.approx(
+        spearmanr(x, y).statistic, rel=1e-12)
     lost = np.where(x > 0.8, np.nan, y)
-    assert rank_correlation(x, lost) == pytest.approx(
+    found = rank_correlation(x, lost, sample)
+    assert found.estimate == pytest.approx(
         spearmanr(x[x <= 0.8], y[x <= 0.8]).statistic, rel=1e-12)
-    assert np.isnan(rank_correlation(x, np.ones(60)))
-    assert np.isnan(rank_correlation(x, np.full(60, np.nan)))
+    # What is lost may be anything; of two that differ nobody knows how it would be with others.
+    assert np.isnan(found[1:]).all()
+    assert np.isnan(rank_correlation(x, np.where(x < np.sort(x)[2], 1.0, 0.0), sample)[1:]).all()
+    assert np.isnan(rank_correlation(x, y, Sample(60, -1))[1:]).all()
+    assert np.isnan(rank_correlation(x, np.ones(60), sample)).all()
+    assert np.isnan(rank_correlation(x, np.full(60, np.nan), sample)).all()
+    assert rank_correlation(x, np.exp(x), sample) == pytest.approx((1, 1, 1), abs=1e-9)
+
+
+@pytest.mark.parametrize(("sampling", "runs", "expected"), [
+    ("random", 96, SOME), ("latin_hypercube", 256, SOME),
+    pytest.param("random", 512, EXACT, marks=pytest.mark.full),
+    pytest.param("sobol", 512, OVER_SCRAMBLES, marks=pytest.mark.full),
+    pytest.param("latin_hypercube", 512, OVER_SCRAMBLES, marks=pytest.mark.full)])
+def test_rank_correlations_are_covered_as_often_as_said(sampling, runs, expected):
+    """Of normal variables 6/π·asin(r/2), of one that is seen or not as a large sample has it."""
+    repeats, least, most = expected
+    correlations = WEIGHTS / np.sqrt(WEIGHTS @ WEIGHTS)
+    truth = 6 / np.pi * np.arcsin(correlations / 2)
+    many = np.random.default_rng(1).random((400_000, 4))
+    seen = spearmanr(many[:, 0], scaled_sum(many) > CHANCE).statistic
+    sample = Sample(runs, 0 if sampling == "random" else 16)
+    held = np.zeros(5, dtype=int)
+    for seed in range(repeats):
+        shares = shares_of(sampling, runs, 4, 16, seed)
+        answer = scaled_sum(shares)
+        held[:4] += [covers(rank_correlation(shares[:, i], answer, sample), truth[i])
+                     for i in range(4)]
+        held[4] += covers(rank_correlation(shares[:, 0], (answer > CHANCE) * 1.0, sample), seen)
+    assert np.all((least <= held) & (held <= most)), held
 
 
 def test_sensitivities_are_not_told_where_a_run_is_lost_or_nothing_varies():

@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.plots import style
+from lapwing.plots.ensemble import grid
 from lapwing.results.findings import Answer, answers
 
 if TYPE_CHECKING:
@@ -14,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLUMNS, MOST_BINS = 2, 60
+MOST_BINS = 60
 # Quantiles that are marked, and how.
 MARKED = {0.01: ("1 %", style.BLUE), 0.5: ("median", style.BLACK), 0.99: ("99 %", style.VERMILION)}
 
@@ -22,6 +24,11 @@ MARKED = {0.01: ("1 %", style.BLUE), 0.5: ("median", style.BLACK), 0.99: ("99 %"
 def shows(data: xr.Dataset) -> bool:
     """Whether anything is known of some run."""
     return any(np.isfinite(data[one.name].values).any() for one in answers(data))
+
+
+def leads(data: xr.Dataset) -> float:
+    """How much of the deck's question it answers: at the highest torque most pairs keep contact."""
+    return float(data.attrs.get("brake_torque", 0.0))
 
 
 @style.house_style()
@@ -39,35 +46,67 @@ def draw(data: xr.Dataset, gear_pair: dict[str, float] | None = None, *,
     -------
     matplotlib.figure.Figure
     """
-    shown = [one for one in answers(data) if np.isfinite(data[one.name].values).any()]
-    rows = -(-len(shown) // COLUMNS)
-    figure = style.new_figure(9.0, 0.9 + 2.4 * rows)
-    panels = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
-    for axis, answer in zip(panels, shown, strict=False):
+    known = [one for one in answers(data) if np.isfinite(data[one.name].values).any()]
+    shown = [one for one in known if np.ptp(_other_than_0(data, one)) > 0]
+    alike = [one for one in known if one not in shown]
+    panels = grid.panels(len(shown) + bool(alike), 2.4)
+    for axis, answer in zip(panels.axes, shown, strict=False):
         _panel(axis, data, answer)
-    for axis in panels[len(shown):]:
-        axis.set_axis_off()
-    figure.suptitle(f"{title}: distributions".removeprefix(": "))
-    _legend(figure, data)
-    return figure
+    if alike:
+        _in_words(panels.axes[-1], data, alike)
+    panels.figure.suptitle(f"{title}: distributions{_share(data)}".removeprefix(": "))
+    _legend(panels.figure, data)
+    return panels.figure
+
+
+def _known(data: xr.Dataset, answer: Answer) -> NDArray[Any]:
+    """Values of an answer, of the runs that have one."""
+    values = answer.factor * data[answer.name].values
+    known: NDArray[Any] = values[np.isfinite(values)]
+    return known
+
+
+def _other_than_0(data: xr.Dataset, answer: Answer) -> NDArray[Any]:
+    """Those of them that are not 0, which is told in words; [0] where all are."""
+    values = _known(data, answer)
+    return values[values != 0] if values.any() else values[:1]
+
+
+def _share(data: xr.Dataset) -> str:
+    """How many rattle, in words, for the heading."""
+    one = data.sel(event="rattles")
+    return f"; {int(one['seen'])} of {int(one['known'])} pairs rattle" if int(one["known"]) else ""
+
+
+def _lost(data: xr.Dataset, values: NDArray[Any]) -> list[str]:
+    lost = data["status"].size - values.size
+    return [f"{lost} without a result"] * bool(lost)
+
+
+def _in_words(axis: Axes, data: xr.Dataset, alike: list[Answer]) -> None:
+    """The answers that have no distribution, in the last panel."""
+    lines = []
+    for answer in alike:
+        values, some = _known(data, answer), _other_than_0(data, answer)
+        number = f"{some[0]:.4g} {answer.unit}".rstrip()
+        count = int(np.sum(values == some[0]))
+        words = f"{number} in all" if count == values.size else \
+            f"{number} in {count} of {values.size}, 0 in the others"
+        lines.append("; ".join([f"{answer.words}: {words}", *_lost(data, values)]))
+    axis.set_axis_off()
+    axis.text(0.02, 0.5, "\n\n".join(lines), transform=axis.transAxes, va="center",
+              color=style.QUIET)
 
 
 def _panel(axis: Axes, data: xr.Dataset, answer: Answer) -> None:
     """One answer."""
-    values = answer.factor * data[answer.name].values
-    values = values[np.isfinite(values)]
-    none, some = np.mean(values == 0), values[values != 0]
+    values, some = _known(data, answer), _other_than_0(data, answer)
+    none = np.mean(values == 0)
     unit = f" ({answer.unit})" * bool(answer.unit)
     axis.set_xlabel(answer.words + unit)
     axis.set_ylabel("pairs")
-    lost = data["status"].size - values.size
-    axis.set_title("; ".join(
-        [f"0 in {100 * none:.3g} % of {values.size}, not drawn"] * bool(none and some.size)
-        + [f"{lost} without a result"] * bool(lost)), fontsize=8.5, color=style.QUIET)
-    if not some.size or np.ptp(some) == 0:
-        style.nothing(axis, f"{values[0]:.4g} in all" if not none or not some.size else
-                      f"{some[0]:.4g} or 0", x=True)
-        return
+    axis.set_title("; ".join([f"0 in {100 * none:.3g} % of {values.size}, not drawn"] * bool(none)
+                             + _lost(data, values)), fontsize=8.5, color=style.QUIET)
     axis.hist(some, bins=int(np.clip(np.sqrt(some.size), 8, MOST_BINS)), color="0.8",
               edgecolor="0.65", linewidth=0.4)
     for level, (_, colour) in MARKED.items():

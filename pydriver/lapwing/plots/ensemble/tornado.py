@@ -5,17 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.quantities import parameter
 from lapwing.plots import style
+from lapwing.plots.ensemble import grid
 from lapwing.results.findings import influenced, parameters_of
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-COLUMNS = 2
 
 
 def shows(data: xr.Dataset) -> bool:
@@ -46,15 +46,11 @@ def draw(data: xr.Dataset, gear_pair: dict[str, float] | None = None, *,
     matplotlib.figure.Figure
     """
     shown, names = _shown(data), parameters_of(data)
-    rows = -(-len(shown) // COLUMNS)
-    figure = style.new_figure(9.0, 0.9 + rows * (0.9 + 0.34 * len(names)))
-    panels = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
+    figure, axes = grid.panels(len(shown), 0.9 + 0.34 * len(names))
     drawn = set()
-    for axis, (answer, words) in zip(panels, shown.items(), strict=False):
+    for axis, (answer, words) in zip(axes, shown.items(), strict=True):
         axis.set_title(words)
         drawn.add(_panel(axis, data.sel(answer=answer), names))
-    for axis in panels[len(shown):]:
-        axis.set_axis_off()
     figure.suptitle(f"{title}: what matters".removeprefix(": "))
     if True in drawn:
         figure.legend(handles=_handles(), loc="outside lower center", ncols=3)
@@ -73,15 +69,19 @@ def _panel(axis: Axes, data: xr.Dataset, names: list[str]) -> bool:
                                 for end in ("", "_low", "_high"))
             offset = 0.18 if what == "total" else 0.0
             axis.barh(at, value, height=height, color=colour)
-            axis.errorbar(value, at + offset, xerr=[value - low, high - value], fmt="none",
-                          ecolor=style.BLACK, elinewidth=1.0, capsize=2.0)
+            _limits(axis, at + offset, value, low, high)
         axis.set_xlabel("part of the variance (%)")
         axis.set_xlim(left=min(0.0, axis.get_xlim()[0]))
     else:
-        rank = data["rank_correlation"].values
+        rank, low, high = (data[f"rank_correlation{end}"].values
+                           if f"rank_correlation{end}" in data else np.full(len(names), np.nan)
+                           for end in ("", "_low", "_high"))
         order = np.argsort(np.abs(np.nan_to_num(rank)), kind="stable")
-        axis.barh(at, np.nan_to_num(rank[order]), height=0.6,
-                  color=np.where(rank[order] < 0, style.VERMILION, style.BLUE).tolist())
+        rank, low, high = (np.nan_to_num(rank[order]), low[order], high[order])
+        axis.barh(at, rank, height=0.6,
+                  color=np.where(rank < 0, style.VERMILION, style.BLUE).tolist())
+        sure = np.isfinite(low + high)
+        _limits(axis, at[sure], *(one[sure] for one in (rank, low, high)))
         axis.set_xlim(-1, 1)
         axis.set_xticks([-1, -0.5, 0, 0.5, 1])
         axis.axvline(0.0, color=style.WALL, linewidth=0.8)
@@ -89,6 +89,13 @@ def _panel(axis: Axes, data: xr.Dataset, names: list[str]) -> bool:
     axis.set_yticks(at, [words[i] for i in order])
     axis.grid(False, axis="y")
     return has
+
+
+def _limits(axis: Axes, at: NDArray[Any], value: NDArray[Any], low: NDArray[Any],
+            high: NDArray[Any]) -> None:
+    """95 % limits of bars."""
+    axis.errorbar(value, at, xerr=[value - low, high - value], fmt="none", ecolor=style.BLACK,
+                  elinewidth=1.0, capsize=2.0)
 
 
 def _handles() -> list[Any]:

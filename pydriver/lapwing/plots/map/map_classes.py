@@ -14,9 +14,10 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-# Colour of each kind, in the order of `results.findings.KINDS`: greys keep contact, blue and green
-# are periodic, orange and red strike the coast flank too, purples have no period.
-COLOURS = ("0.93", "0.78", style.SKY, style.BLUE, style.GREEN, "#00584A", style.ORANGE,
+# Colour of each kind, in the order of `results.findings.KINDS`: grey keeps contact, yellow strikes
+# nothing, blue and green are periodic, orange and red strike the coast flank too, purples have no
+# period.
+COLOURS = ("0.93", style.YELLOW, style.SKY, style.BLUE, style.GREEN, "#00584A", style.ORANGE,
            style.VERMILION, style.PURPLE, "#6B2A57")
 
 

@@ -243,7 +243,7 @@ def line_handles(full: bool, last: bool) -> list[Any]:
     from matplotlib.lines import Line2D
 
     return [Line2D([], [], color=style.BLACK, linewidth=1.2, linestyle=(0, (5, 2)),
-                   label="T_full: contact can be kept above")] * full \
+                   label="T_full: the engaged motion keeps contact above")] * full \
         + [Line2D([], [], color=style.BLACK, linewidth=0.9,
                   label="last rattling torque of this map")] * last
 

@@ -20,6 +20,11 @@ def shows(response: xr.Dataset) -> bool:
     return bool("pinion_speed" in response)
 
 
+def leads(response: xr.Dataset) -> float:
+    """How much of the deck's question it answers: a speed that drifts is not seen elsewhere."""
+    return abs(float(response.attrs.get("mean_acceleration", 0.0)))
+
+
 @style.house_style()
 def draw(response: xr.Dataset, gear_pair: dict[str, float]) -> Figure:
     """Draw the mean speed over the record, and both shafts' speeds about it in the last cycles.

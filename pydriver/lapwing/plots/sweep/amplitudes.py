@@ -36,6 +36,11 @@ def shows(sweep: xr.Dataset) -> bool:
     return bool(known(sweep).any() and "dynamic_te_rms" in sweep)
 
 
+def leads(sweep: xr.Dataset) -> float:
+    """How much of the deck's question it answers: along a speed, amplitudes are the picture."""
+    return float(shows(sweep) and sweep_parts.parameter_of(sweep) != "brake_torque")
+
+
 @style.house_style()
 def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title: str | None = None,
          full_engagement: float | None = None, marks: Any = ()) -> Figure:

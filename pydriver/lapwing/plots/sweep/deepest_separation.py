@@ -66,7 +66,7 @@ def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title:
     sweep_parts.finish(figure, np.array([axis]), sweep,
                        f"deepest separation: {sweep.attrs.get('name', '')}"
                        if title is None else title)
-    _claim_texts(axis, sorted(claims), curves)
+    _claim_texts(axis, sorted(claims), sweep, curves)
     sweep_parts.legend(figure, sweep, claims=bool(claims), lines=True)
     return figure
 
@@ -99,7 +99,22 @@ def _backlash(axis: Axes, gear_pair: dict[str, float] | None, top: float) -> Non
               transform=axis.get_yaxis_transform(), ha="center", va="bottom")
 
 
-def _claim_texts(axis: Axes, claims: list[Claim], curves: list[NDArray[Any]]) -> None:
+def _here(sweep: xr.Dataset, value: float) -> str:
+    """What the sweep found at a value, of all starts that have a result there; empty: nothing."""
+    parameter = sweep_parts.parameter_of(sweep)
+    at = int(np.argmin(np.abs(sweep[parameter].values - value)))
+    if not np.isclose(sweep[parameter].values[at], value):
+        return ""
+    depth = style.URAD * sweep["deepest_separation"].max("recorded_cycle").values[:, at]
+    depth = depth[known(sweep)[:, at]]
+    if not depth.size:
+        return ""
+    ends = [f"{one:.3g}" if one else "none" for one in (depth.min(), depth.max())]
+    return ", here " + " or ".join(dict.fromkeys(ends))
+
+
+def _claim_texts(axis: Axes, claims: list[Claim], sweep: xr.Dataset,
+                 curves: list[NDArray[Any]]) -> None:
     """What is claimed, each beside its marker where words and leader cross least of the data.
 
     All is done in parts of the panel, whose limits must be final.
@@ -113,7 +128,8 @@ def _claim_texts(axis: Axes, claims: list[Claim], curves: list[NDArray[Any]]) ->
         segments = np.vstack([segments, (x - 0.01, y, x + 0.01, y), (x, y - 0.02, x, y + 0.02)])
     for claim, marker in zip(claims, markers, strict=True):
         depth = style.URAD * claim.depth
-        words = f"source: {depth:.3g} µrad" if depth else "source: none"
+        words = (f"source: {depth:.3g} µrad" if depth else "source: none") \
+            + _here(sweep, claim.value)
         place, box = _free_place(segments, marker, 0.0095 * len(words))
         segments = np.vstack([segments, box])
         axis.annotate(words, (claim.value, depth), xytext=place, ha="center", va="center",
@@ -136,7 +152,11 @@ def _free_place(segments: NDArray[Any], marker: NDArray[Any], width: float,
     left, right, low, high = x - 0.5 * width, x + 0.5 * width, y - 0.5 * height, y + 0.5 * height
     # The leader starts clear of its own marker.
     leader = (*(marker[i] + 0.15 * (at - marker[i]) for i, at in enumerate((x, y))), x, y)
-    lines = np.array([(left, low, right, high), (left, high, right, low), leader])
+    # What lies under the words crosses a diagonal or an edge of their box, or its middle.
+    middle = 0.5 * (left + right)
+    lines = np.array([(left, low, right, high), (left, high, right, low), leader,
+                      (left, low, right, low), (left, high, right, high),
+                      (middle, low, middle, high)])
     crossed: list[int] = []
     for begin in range(0, x.size, BLOCK):
         crossed.extend(np.sum([_crossings(segments, line[:, begin:begin + BLOCK])

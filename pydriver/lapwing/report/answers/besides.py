@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import NDArray
 
 from lapwing.base.arrivals import arrivals_in
+from lapwing.base.messages import at_least, at_most
 from lapwing.report.amplitudes import greatest
-from lapwing.report.answers.evidence import failures, looks, together
-from lapwing.report.answers.limits import at_least, at_most, bands
+from lapwing.report.answers.evidence import Look, failures, looks, together
 from lapwing.report.critical import headline
-from lapwing.report.words import parameter_unit, parameter_words, plural
+from lapwing.report.words import bands, parameter_unit, parameter_words, plural
+from lapwing.results.findings import names
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -49,26 +50,55 @@ def besides(criticals: Any, sweeps: Any) -> list[str]:
 
 
 def _along(sweep: xr.Dataset) -> str:
-    """Where the teeth part, and strike the coast flank, along another parameter."""
+    """Where the teeth part, and strike the coast flank, along another parameter, by the starts."""
     parameter = str(sweep["status"].dims[1])
-    unit, law = parameter_unit(parameter), arrivals_in(sweep.attrs)
-    found = looks((), (), [sweep], parameter)
-    parting, back = (together(found, what) for what in ("rattling", "back"))
-    if not parting.values.size:
+    unit = parameter_unit(parameter)
+    found = [one for one in looks((), (), [sweep], parameter) if one.motions.any()]
+    values = together(found, "rattling").values
+    if not values.size:
         return ""
-    at = f", at {sweep.attrs['brake_torque']:g} N·m" if "brake_torque" in sweep.attrs else ""
-    text = f"**Along the {parameter_words(parameter)}** ({_span(parting.values, unit)}{at}) the " \
-           "teeth "
-    text += "part everywhere" if parting.seen.all() else "were not seen to part" \
-        if not parting.seen.any() else f"part at {bands(parting.values, parting.seen)} {unit}, " \
-        f"not at {bands(parting.values, ~parting.seen)} {unit}".replace(" ,", ",").rstrip()
-    text += f"; back {law.word}s " + (f"at {bands(back.values, back.seen)} {unit}".rstrip()
-                                      if back.seen.any() else "were not seen")
+    law = arrivals_in(sweep.attrs)
+    at = f"; {sweep.attrs['brake_torque']:g} N·m throughout: which torque to choose was not asked" \
+        if "brake_torque" in sweep.attrs else ""
+    text = (f"**Along the {parameter_words(parameter)}** ({_span(values, unit)}{at}) the teeth "
+            f"{_parting(found, unit)}; back {law.word}s {_back(found, unit)}")
     moved = greatest(sweep, "dynamic_te_rms", 1e6, "µrad", unit) if "dynamic_te_rms" in sweep \
         else ""
     text += f"; the dynamic transmission error has its greatest rms, {moved}" * bool(moved)
-    lost = failures(found)
+    lost = failures(looks((), (), [sweep], parameter))
     return text + f"; {plural(lost, 'run')} failed" * bool(lost) + "."
+
+
+def _parting(found: list[Look], unit: str) -> str:
+    """Where the teeth part, in words."""
+    every = together(found, "rattling")
+    if every.seen.all():
+        return "part everywhere" + " from some start" * (len(_by_starts(found, "rattling")) > 1)
+    if not every.seen.any():
+        return "were not seen to part"
+    told = _by_starts(found, "rattling")
+    if len(told) == 1:
+        return f"part at {bands(every.values, every.seen)} {unit}, not at " \
+            f"{bands(every.values, ~every.seen)} {unit}".replace(" ,", ",").rstrip()
+    return "part " + ", ".join(
+        (f"at {where} {unit}".rstrip() if where else "nowhere") + f" ({names(starts)})"
+        for where, starts in told.items())
+
+
+def _back(found: list[Look], unit: str) -> str:
+    """Where the coast flanks were met, in words."""
+    every = together(found, "back")
+    return f"were seen at {bands(every.values, every.seen)} {unit}".rstrip() if every.seen.any() \
+        else "were not seen"
+
+
+def _by_starts(found: list[Look], what: str) -> dict[str, list[str]]:
+    """Bands in which something was seen, in words -> the starts that have seen it there."""
+    told: dict[str, list[str]] = {}
+    for one in found:
+        seen = together([one], what)
+        told.setdefault(bands(seen.values, seen.seen), []).append(one.how)
+    return told
 
 
 def _span(values: NDArray[Any], unit: str) -> str:

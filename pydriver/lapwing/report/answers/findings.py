@@ -12,18 +12,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lapwing.base.arrivals import arrivals_in, per_cycle
+from lapwing.base.arrivals import arrivals_in
 from lapwing.base.codes import Status
+from lapwing.base.messages import at_least, at_most
+from lapwing.report.answers import between
 from lapwing.report.answers.besides import besides
 from lapwing.report.answers.evidence import failures, looks, together
-from lapwing.report.answers.limits import MOST, at_least, at_most, bands
+from lapwing.report.answers.source import against_source
 from lapwing.report.critical import REASONS
 from lapwing.report.ensemble.findings import findings as ensemble_findings
-from lapwing.report.map.text import findings as map_findings
-from lapwing.report.measured import noise_findings
-from lapwing.report.numbers import doubtful
-from lapwing.report.words import parameter_unit, plural
-from lapwing.results.findings import START_NAMES, known, names, rattles
+from lapwing.report.map.findings import findings as map_findings
+from lapwing.report.measured import has_interval, noise_findings
+from lapwing.report.words import bands, parameter_unit, plural
+from lapwing.results.findings import START_NAMES, SYMBOLS, names
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,6 +32,11 @@ if TYPE_CHECKING:
 HEADING = "## Findings"
 # What to add to a deck, in its own words.
 SEARCH = "&critical, find = 'safe'"
+# What the symbols mean, in the order of what to rely on.
+TERMS = {"safe": "above it none of the motions tried rattles",
+         "full": "from it on the engaged motion keeps contact, others may rattle",
+         "on": "from it on a rigid tooth that rests stays, others may bounce",
+         "back": "back impacts were last seen there"}
 
 
 def findings(responses: Any, criticals: Any, sweeps: Any, missing: Any = (),
@@ -59,7 +65,8 @@ def findings(responses: Any, criticals: Any, sweeps: Any, missing: Any = (),
 
 def findings_lines(found: list[str]) -> list[str]:
     """The section of the summary: heading and list."""
-    return [HEADING, "", *(f"- {sentence}" for sentence in found)]
+    # No empty line: they stand within the first ten of the summary.
+    return [HEADING, *(f"- {sentence}" for sentence in found)]
 
 
 def findings_in(summary: str) -> tuple[str, ...]:
@@ -73,8 +80,10 @@ def findings_in(summary: str) -> tuple[str, ...]:
     -------
     tuple of str
     """
-    _, _, rest = summary.partition(f"\n{HEADING}\n\n")
-    return tuple(line.removeprefix("- ") for line in rest.partition("\n\n")[0].splitlines())
+    _, _, rest = summary.partition(f"\n{HEADING}\n")
+    # Summaries of before have an empty line below the heading.
+    return tuple(line.removeprefix("- ")
+                 for line in rest.removeprefix("\n").partition("\n\n")[0].splitlines())
 
 
 def on_console(found: Any, width: int = 100) -> str:
@@ -122,10 +131,13 @@ class _Torque:
         self.law = arrivals_in(self.laws)
 
     def sentences(self) -> list[str]:
-        """Back impacts, separation, contact, in between, what to choose."""
+        """What to choose, and what that rests on; back impacts, in between, the source."""
+        last = self.rattling.last
         return [sentence for sentence in (
-            self._back_sentence(), self._separation_sentence(), self._kept_sentence(),
-            self._between_sentence(), self._choice_sentence(), self._coast_sentence()) if sentence]
+            self._choice_sentence(), self._separation_sentence(), self._kept_sentence(),
+            self._back_sentence(), self._between_sentence(), self._coast_sentence(),
+            against_source(self.responses, last, "" if last is None else self._last_rattling()))
+            if sentence]
 
     def failures(self) -> list[str]:
         """What is not covered, where anything else is known."""
@@ -172,8 +184,9 @@ class _Torque:
                 some = np.sort(value[rows])
                 where = f"from {some[0]:g} to {some[-1]:g} {self.unit}" if some.size > 1 \
                     else f"at {some[0]:g} {self.unit}"
-                return (f" ({where}, with {100 * one.attrs['confidence']:g} % confidence, fewer "
-                        f"than one burst of them begins in {1 / bound:,.0f} mesh cycles)")
+                return (f"; {where} they come, if at all, less often than once in "
+                        f"{1 / bound:,.0f} mesh cycles ({100 * one.attrs['confidence']:g} % "
+                        "confidence)")
         return ""
 
     def _search(self) -> xr.Dataset | None:
@@ -218,7 +231,7 @@ class _Torque:
 
     def _separation_sentence(self) -> str:
         seen = self.rattling
-        if not seen.values.size or (seen.values.size == 1 and self._of_responses()):
+        if not seen.values.size or (seen.values.size == 1 and between.of_responses(self.responses)):
             return ""
         quiet, how = self._quiet()
         if seen.last is None:
@@ -234,7 +247,7 @@ class _Torque:
                 f"{self._at(quiet, 'looked at above it')} ({how}).")
 
     def _kept(self) -> tuple[str, str, float] | None:
-        """(find, outcome, value, phase) of T_full or T_on, or None."""
+        """(find, outcome, value) of T_full or T_on, or None."""
         for one in self.criticals:
             if one.attrs["find"] in ("full", "on"):
                 attrs = one.attrs
@@ -248,77 +261,32 @@ class _Torque:
         if self.kept is None:
             return ""
         find, outcome, value = self.kept
-        what = "Contact can be kept" if find == "full" else "A resting rigid tooth stays"
+        what, others = ("contact can be kept", "need not be") if find == "full" else \
+            ("a resting rigid tooth stays", "others may bounce")
         if outcome != "found":
             why = REASONS.get(outcome, "the engaged motion grows without end (undamped resonance)")
-            return f"**{what} at no torque**: {why}."
-        symbol = "T_full" if find == "full" else "T_on"
-        head = (f"**{what} from {at_least(value)} {self.unit}** ({symbol}, in closed form for this "
-                "transmission error and speed)")
+            return f"**{what.capitalize()} at no torque**: {why}."
+        head = f"**From {at_least(value)} {self.unit} {what}"
+        how = f"** ({SYMBOLS[find]}, in closed form for this transmission error and speed)"
         beyond = self.rattling.above(value)
         if not beyond.values.size:
-            return f"{head}; what else may move there was not looked at."
+            return f"{head}{how}; what else may move above it was not looked at."
         if beyond.seen.any():
-            return (f"{head}, but from there to {self._last_rattling()} {self.unit} rattling was "
-                    "seen as well: the start decides.")
-        return f"{head}; no other motion was seen above it" \
+            return (f"{head}, but {others}{how}: from there to {self._last_rattling()} "
+                    f"{self.unit} rattling was seen as well, and the start decides.")
+        return f"{head}{how}; no other motion was seen above it" \
             + ", but some failed numerically" * bool(beyond.failed.any()) + "."
 
     def _between_sentence(self) -> str:
         """What happens between the last back impact and the last separation."""
-        high, low = self.rattling.last, self.back.last
+        high = self.rattling.last
         if high is None:
             return ""
-        for sweep in self.sweeps:
-            found = self._between_in(sweep, low, high)
-            if found:
-                return found
-        return self._of_responses()
-
-    def _between_in(self, sweep: xr.Dataset, low: float | None, high: float) -> str:
-        values = sweep["brake_torque"].values
-        starts = [str(start) for start in sweep["start"].values]
-        branch = sweep.isel(start=starts.index("rest") if "rest" in starts else 0)
-        start = str(branch["start"].values)
-        rows = known(branch) & rattles(branch) & (values <= high) & (branch["force"].values > 0)
-        rows &= values > (-math.inf if low is None or low >= high else low)
-        at = np.flatnonzero(rows)
-        if not at.size:
-            return ""
-        counts, wild = per_cycle(branch), branch["period"].values[at] == 0
-        depth = 1e6 * branch["deepest_separation"].max("recorded_cycle").values
-        head = "**In between**" if low is not None and low < high else \
-            "**Where the teeth part**"
-        # The first, the one with most impacts, the last.
-        shown = np.unique([at[0], at[np.argmax(counts[at])], at[-1]])
-        text = f"{head}, {START_NAMES.get(start, start)}: " + "; ".join(
-            f"at {values[i]:g} {self.unit} {_count(counts[i], self.law.word)} per mesh cycle, "
-            f"{depth[i]:.4g} µrad of separation" for i in shown)
-        if not wild.any():
-            return text + "; every motion has a period."
-        return text + (f"; no period at {wild.sum()} of {plural(at.size, 'torque')}, the highest "
-                       f"{values[at[wild][-1]]:g} {self.unit}.")
-
-    def _of_responses(self) -> str:
-        """The responses that part, one by one."""
-        there = [one.attrs for one in self.responses if not one.attrs["status"]
-                 and not one.attrs["fully_engaged"] and one.attrs["force"] > 0]
-        there = sorted(there, key=lambda one: one["brake_torque"])
-        if not there:
-            return ""
-        parts = []
-        for one in there[:MOST]:
-            period = one["period"]
-            motion = f"period {period}" if period else "no period found"
-            motion += ", which the second run does not confirm" * doubtful(one)
-            parts.append(f"at {one['brake_torque']:g} {self.unit} "
-                         f"{_count(one['impacts_per_cycle'], self.law.word)} per mesh cycle, "
-                         f"{1e6 * one['deepest_separation']:.4g} µrad of separation ({motion})")
-        more = f"; {len(there) - MOST} more below" * (len(there) > MOST)
-        return f"**Where the teeth part**: {'; '.join(parts)}{more}."
+        return next(filter(None, (between.of_sweep(sweep, self.back.last, high)
+                                  for sweep in self.sweeps)), between.of_responses(self.responses))
 
     def _choice_sentence(self) -> str:
-        """The least torque to choose, and what would change it."""
+        """The least torque to choose, what would change it, and what the symbols mean."""
         seen = self.rattling
         value = self.kept[2] if self.kept and self.kept[1] == "found" else math.nan
         quiet = self._quiet()[0] if seen.values.size else np.zeros(0)
@@ -328,25 +296,52 @@ class _Torque:
                 return "**Which torque to choose is not answered**: look at higher ones." \
                     if seen.values.size else ""
             least = value if seen.last is None else max(value, seen.last)
-            return (f"**So choose more than {at_least(least)} {self.unit}**, but how much more is "
-                    f"not answered: a search for T_safe ({SEARCH}) that begins above it would say.")
+            return (f"**Choose more than {at_least(least)} {self.unit}; how much more is not "
+                    f"known**: a search for T_safe ({SEARCH}) that begins above it would say."
+                    + self._terms())
         step = quiet[0] - seen.last if seen.last is not None else 0.0
         least = max(quiet[0], value) if math.isfinite(value) else quiet[0]
         search = self._search()
         label = "" if search is None else " (T_safe)" if seen.last is not None \
-            else ", the lowest torque searched"
-        head = f"**So choose at least {at_least(least, step)} {self.unit}**{label}, and a margin"
-        margin = ""
-        if math.isfinite(value) and value > 0 and self.laws.get("balanced", 0):
-            margin = (f": 10 % more transmission error raises T_full to {at_least(1.1 * value)} "
-                      f"{self.unit}") if self.kept and self.kept[0] == "full" else ""
+            else ", the lowest torque searched,"
+        noise = self._noise(search)
+        if noise > least:
+            least, step, label = noise, 0.0, label + " to allow for the noise of the samples,"
         doubts = ["a start that was not tried", "a longer look"]
         if self.laws.get("contact_law") == "restitution" and "impact_law" in self.laws:
             doubts.append(f"another impact law than `{self.laws['impact_law']}`")
         doubt = ", ".join(doubts[:-1]) + f" or {doubts[-1]}"
         few = "" if search is not None else \
             f" Few starts were tried: a search for T_safe ({SEARCH}) tries more."
-        return f"{head}{margin}; {doubt} may move it.{few}"
+        return (f"**Choose at least {at_least(least, step)} {self.unit}**{label} and a margin"
+                f"{self._margin(least, step)}; {doubt} may move it.{few}{self._terms()}")
+
+    def _noise(self, search: xr.Dataset | None) -> float:
+        """Upper end of what the noise of samples leaves of T_safe, else of T_full; NaN: none."""
+        some = [one.attrs for one in self.criticals if one.attrs["find"] in ("full", "on")] \
+            if search is None else [search.attrs]
+        return max((one["high"] for one in some if has_interval(one)), default=math.nan)
+
+    def _margin(self, least: float, step: float) -> str:
+        """What more transmission error asks for.
+
+        Where torques balance and no motion comes to the coast flank, nothing but the transmission
+        error has a scale: all motions, and the torque, grow in proportion to it.
+        """
+        last, back = self.rattling.last, self.back
+        if not self.laws.get("balanced", 0) or least <= 0 or last is None:
+            return ""
+        if back.values.size and (back.last is None or back.last < last):
+            return (": with 10 % more transmission error it would be "
+                    f"{at_least(1.1 * least, step)} {self.unit}")
+        return (": it grows in proportion to the transmission error, as long as no motion comes to "
+                "the coast flanks")
+
+    def _terms(self) -> str:
+        """What the symbols in findings and figures mean, together."""
+        finds = {one.attrs["find"] for one in self.criticals} | set((self.kept or ())[:1])
+        words = [f"{SYMBOLS[find]}: {term}" for find, term in TERMS.items() if find in finds]
+        return f" ({'; '.join(words)}.)" if words else ""
 
     def _coast_sentence(self) -> str:
         seen = together(self.coast, "rattling")
@@ -364,7 +359,3 @@ class _Torque:
 def _cycles(number: int) -> str:
     return f"{number:,} mesh cycle" + "s" * bool(number != 1)
 
-
-def _count(number: float, word: str) -> str:
-    """A number of impacts to three digits, in words."""
-    return plural(float(f"{number:.3g}"), word)

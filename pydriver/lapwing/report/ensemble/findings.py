@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lapwing.base.arrivals import arrivals_in
-from lapwing.report.ensemble.text import SAMPLINGS, limits, percent
+from lapwing.report.ensemble.text import SAMPLINGS, limits, percent, rank_words
 from lapwing.report.words import parameter_unit, parameter_words, plural
 from lapwing.results.findings import endings, parameters_of
 
@@ -26,10 +26,11 @@ def findings(ensembles: list[xr.Dataset]) -> list[str]:
     """
     known = sorted((one for one in ensembles if (one["known"].values > 0).any()),
                    key=lambda one: float(one.attrs.get("brake_torque", math.inf)))
-    said = [_kept(one) for one in known]
+    families = _alike(known)
+    said = [_choice(alike) for alike in families]
+    said += [_kept(one) for one in known]
     said += [_seen(one) for one in known]
-    for alike in _alike(known):
-        said.append(_choice(alike))
+    for alike in families:
         said.append(next(filter(None, map(_effects, alike)), _ranks(alike[0])))
     return list(dict.fromkeys(filter(None, said)))
 
@@ -111,7 +112,7 @@ def _choice(ensembles: list[xr.Dataset]) -> str:
     if not sure:
         return (f"**No torque that was run surely keeps {part} of pairs together**: look at "
                 f"higher ones than {max(stay):g} {unit}, or at more pairs.")
-    return (f"**So {min(sure):g} {unit} keeps {part} of pairs together**, the least of "
+    return (f"**Choose {min(sure):g} {unit}**: it keeps {part} of pairs together, the least of "
             f"{plural(len(stay), 'torque')} run at which the 95 % limits say so; a start other "
             "than from rest, a longer look or other tolerances may move it.")
 
@@ -146,10 +147,12 @@ def _effects(data: xr.Dataset) -> str:
 def _ranks(data: xr.Dataset) -> str:
     """Which parameter goes most with the answer, by rank correlations."""
     names, (answer, words) = parameters_of(data), _answer(data)
-    ranks = data["rank_correlation"].sel(answer=answer).values
+    of_answer = data.sel(answer=answer)
+    ranks = of_answer["rank_correlation"].values
     if len(names) < 2 or not np.isfinite(ranks).any():
         return ""
     order = np.argsort(-np.abs(np.nan_to_num(ranks)), kind="stable")
-    told = ", ".join(f"{parameter_words(names[i])} {ranks[i]:+.2f}" for i in order[:3])
-    return (f"**What goes most with {words} is the {parameter_words(names[order[0]])}**: rank "
-            f"correlations {told}.")
+    told = ", ".join(f"{parameter_words(names[i])} {rank_words(of_answer.isel(parameter=i))}"
+                     for i in order[:3])
+    return (f"**What goes most with {words} is the {parameter_words(names[order[0]])}**, of the "
+            f"runs made: rank correlations, with 95 % limits where they are known, {told}.")

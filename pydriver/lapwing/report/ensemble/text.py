@@ -126,21 +126,29 @@ def _quantiles(data: xr.Dataset) -> list[str]:
 def _influences(data: xr.Dataset) -> list[str]:
     """What each parameter moves."""
     names, moved = parameters_of(data), influenced(data)
-    known = {answer: data["rank_correlation"].sel(answer=answer).values for answer in moved}
-    known = {answer: values for answer, values in known.items() if np.isfinite(values).any()}
+    known = [answer for answer in moved
+             if np.isfinite(data["rank_correlation"].sel(answer=answer)).any()]
     lines: list[str] = []
     if known:
         rows = [("rank correlation with", *(moved[answer] for answer in known))]
-        rows += [(parameter_words(name), *(f"{known[answer][i]:+.2f}" for answer in known))
-                 for i, name in enumerate(names)]
-        lines = markdown(rows)
-        runs = int((data["status"].values == Status.OK).sum())
-        if runs > 1 and int(data.attrs["scrambles"]) >= 0:
-            lines += ["", f"Of {plural(runs, 'independent draw')} chance alone makes up to "
-                      f"±{2 / math.sqrt(runs):.2g} where there is no connection."]
+        rows += [(parameter_words(name), *(
+            rank_words(data.sel(answer=answer, parameter=name)) for answer in known))
+            for name in names]
+        lines = [*markdown(rows), "", "In brackets 95 % limits, by a jackknife over scrambles or "
+                 "groups of draws; none where a run is lost or too few differ."]
     if int(data.attrs["sensitivity_runs"]):
         lines += ["", *_effects(data, names, moved)]
     return lines
+
+
+def rank_words(one: xr.Dataset) -> str:
+    """A rank correlation and its limits, of one answer and one parameter."""
+    value, low, high = (float(one.get(f"rank_correlation{end}", math.nan))
+                        for end in ("", "_low", "_high"))
+    if not math.isfinite(value):
+        return "–"
+    between = limits(low, high, lambda end: f"{end:+.2f}")
+    return f"{value:+.2f}" + f" ({between})" * bool(between)
 
 
 def _effects(data: xr.Dataset, names: list[str], moved: dict[str, str]) -> list[str]:

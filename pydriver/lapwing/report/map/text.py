@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from lapwing.base.arrivals import arrivals_in
 from lapwing.base.codes import Status
 from lapwing.base.quantities import SHARES
+from lapwing.report.map.findings import choices, full_along, last_seen, span_words
 from lapwing.report.words import markdown, parameter_unit, parameter_words, plural
 from lapwing.results.findings import (
     START_NAMES,
@@ -40,34 +41,6 @@ def headline(data: xr.Dataset) -> str:
     x, y = (parameter_words(str(data.attrs[f"{side}_parameter"])) for side in "xy")
     return (f"{done} of {data['status'].size} runs have a result, over {x} and {y}"
             + f"; {open_} not reached" * bool(open_) + f"; {failed} failed" * bool(failed))
-
-
-def findings(data: xr.Dataset) -> list[str]:
-    """What a map answers, as a sentence or two in Markdown; none where it has no result."""
-    known = data["status"].values == Status.OK
-    if not known.any():
-        return []
-    x, y = (str(data.attrs[f"{side}_parameter"]) for side in "xy")
-    law, seen = arrivals_in(data.attrs), map_separates(data).values
-    kept = 100 * (1 - map_rattles(data).values[known].mean())
-    lost = int((~known).sum())
-    begun = START_NAMES[data.attrs["start"]].removeprefix("each ")
-    said = [f"**Over {_range(data, x)} and {_range(data, y)} drive flank contact was kept in "
-            f"{kept:.3g} %** of " + f"{int(known.sum())} of " * bool(lost)
-            + f"{plural(known.size, 'run')} {begun} "
-            f"(map `{data.attrs['name']}`)"]
-    back = (data["back_arrivals"].values > 0) & known
-    for what, where in (("separation", seen), (f"back {law.word}s", back)):
-        said.append(f"{what} seen up to {_top(data, where)}" if where.any()
-                    else f"no {what} seen")
-    return ["; ".join(said) + "." + f" {plural(lost, 'run')} without a result may hold others."
-            * bool(lost)]
-
-
-def _range(data: xr.Dataset, name: str) -> str:
-    values = data[name].values
-    return (f"{parameter_words(name)} {values[0]:g}" + f" to {values[-1]:g}" * (values.size > 1)
-            + f" {parameter_unit(name)}").rstrip()
 
 
 def map_text(data: xr.Dataset) -> list[str]:
@@ -139,7 +112,7 @@ def _place(data: xr.Dataset, at: int) -> str:
 def _extent(data: xr.Dataset) -> str:
     attrs, (_, open_, failed) = data.attrs, endings(data)
     axes = " × ".join(
-        _range(data, name) + f" ({plural(values.size, 'value')})"
+        span_words(data, name) + f" ({plural(values.size, 'value')})"
         for name in (str(attrs["x_parameter"]), str(attrs["y_parameter"]))
         for values in (data[name].values,))
     begun = START_NAMES[attrs["start"]].replace("each", "each run")
@@ -154,24 +127,12 @@ def _reach(data: xr.Dataset, where: NDArray[Any]) -> str:
     if not where.any():
         return "seen in no run that has a result"
     share = where.sum() / (data["status"].values == Status.OK).sum()
-    return f"seen in {100 * share:.3g} % of the runs that have a result, up to {_top(data, where)}"
-
-
-def _top(data: xr.Dataset, where: NDArray[Any]) -> str:
-    """The last value along y at which something was seen, and where along x."""
-    y, x = str(data.attrs["y_parameter"]), str(data.attrs["x_parameter"])
-    seen = data["status"].copy(data=where).transpose(y, x).values
-    values, columns = data[y].values, data[x].values
-    last = np.nonzero(seen.any(axis=1))[0][-1]
-    at = columns[seen[last]]
-    return (f"{parameter_words(y)} {values[last]:g} {parameter_unit(y)}".rstrip()
-            + " (the last one looked at)" * bool(last == values.size - 1)
-            + f", there at {parameter_words(x)} {at[0]:g}"
-            + f" to {at[-1]:g}" * bool(at[-1] > at[0]) + f" {parameter_unit(x)}".rstrip())
+    return (f"seen in {100 * share:.3g} % of the runs that have a result, up to "
+            f"{last_seen(data, where)}")
 
 
 def _table(data: xr.Dataset) -> list[str]:
-    """Some columns of the plane: how far up rattling and back impacts were seen, T_full."""
+    """Some columns of the plane: how far up rattling was seen, T_full, the torque to choose."""
     x, y = str(data.attrs["x_parameter"]), str(data.attrs["y_parameter"])
     values, columns = data[y].values, data[x].values
     order = (y, x)
@@ -179,14 +140,18 @@ def _table(data: xr.Dataset) -> list[str]:
     back = (data["back_arrivals"] > 0).transpose(*order).values
     known = (data["status"] == Status.OK).transpose(*order).values
     full = [f"{value:.4g}" for value in data["full_engagement"].values] \
-        if "full_engagement" in data and data["full_engagement"].dims == (x,) else []
+        if full_along(data, x) is not None else []
+    found = choices(data) if y == "brake_torque" else None
+    least = [f"{one:g}" if np.isfinite(one) else "not answered" for one in found[2]] \
+        if found is not None else []
     unit_x, unit_y = (f" ({parameter_unit(name)})" * bool(parameter_unit(name)) for name in (x, y))
     rows = [(parameter_words(x) + unit_x, f"last back arrival seen{unit_y}",
              f"last separation seen{unit_y}", *[f"T_full{unit_y}"] * bool(full),
+             *[f"choose at least{unit_y}"] * bool(least),
              "values with a result")]
     for i in np.unique(np.linspace(0, columns.size - 1, TABLE_LINES).round().astype(int)):
         last = [_last(values, one[:, i] & known[:, i], known[:, i]) for one in (back, seen)]
-        rows.append((f"{columns[i]:g}", *last, *full[i:i + 1],
+        rows.append((f"{columns[i]:g}", *last, *full[i:i + 1], *least[i:i + 1],
                      f"{int(known[:, i].sum())} of {values.size}"))
     return markdown(rows)
 

@@ -101,9 +101,11 @@ def _probabilities(plan: Plan, numbers: dict[str, NDArray[Any]],
 def _influences(plan: Plan, answers: dict[str, NDArray[Any]]) -> dict[str, Any]:
     """Which parameter moves which answer, and how much."""
     cloud, runs = plan.cloud, plan.sample.runs
-    told: dict[str, Any] = {"rank_correlation": (("answer", "parameter"), [
-        [rank_correlation(cloud.axes[name][:runs], values[:runs]) for name in cloud.axes]
-        for values in answers.values()])}
+    ranks = [[rank_correlation(cloud.axes[name][:runs], values[:runs], plan.sample)
+              for name in cloud.axes] for values in answers.values()]
+    told: dict[str, Any] = {f"rank_correlation{end}": (
+        ("answer", "parameter"), [[one[i] for one in row] for row in ranks])
+        for i, (end, _) in enumerate(_ENDS)}
     if plan.design.runs:
         every = [effects(values[runs:], len(cloud.axes), plan.design.scrambles)
                  for values in answers.values()]

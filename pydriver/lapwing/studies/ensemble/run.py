@@ -75,7 +75,7 @@ def ensemble(pair: GearPair, te: TransmissionError, draws: Mapping[str, Any], *,
     full_engagement (T_full in closed form, N m) where it is known; scramble. From them, each with
     limits _low and _high that hold the truth in 95 of 100 cases (NaN: not known):
     <answer>_quantile over `level`, probability over `event`, main_effect and total_effect (parts of
-    the variance) over `answer` and `parameter`, and rank_correlation without limits.
+    the variance) and rank_correlation (Spearman's) over `answer` and `parameter`.
 
     Raises
     ------

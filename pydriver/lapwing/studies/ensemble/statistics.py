@@ -18,6 +18,10 @@ CONFIDENCE = 0.95
 # So many of either kind, for each scramble, that t is right: of fewer the numbers in each scramble
 # are skew, and the interval is at least the one of as many independent draws.
 FEW = 2
+# Independent draws are taken in so many groups for a jackknife.
+GROUPS = 32
+# Of a correlation of one the artanh is infinite.
+_NEAR_ONE = 1 - 1e-12
 # Thresholds that are tried for a quantile over scrambles; between them it is rounded outwards.
 TRIED = 20_000
 
@@ -149,7 +153,46 @@ def _ranks(known: NDArray[np.bool_], order: NDArray[np.int64], level: float,
             int(above[0]) - 1 if above.size and above[0] > 0 else order.size)
 
 
-def rank_correlation(parameter: NDArray[np.float64], values: NDArray[np.float64]) -> float:
+def rank_correlation(parameter: NDArray[np.float64], values: NDArray[np.float64],
+                     sample: Sample) -> Interval:
+    """Spearman's, of the runs in which the value is known, and its limits.
+
+    The limits are Student's t of the jackknife that leaves out a scramble at a time, or a group of
+    independent draws (Shao & Tu, The Jackknife and Bootstrap, 1995, section 2.3), of Fisher's
+    artanh of the correlation.
+
+    Parameters
+    ----------
+    parameter, values : (n,) arrays; values NaN where not known
+    sample : Sample
+
+    Returns
+    -------
+    Interval; NaN where nothing varies. Limits NaN where a run has no result, which may be anything,
+    or where values other than the commonest are too few for each group
+    """
+    from scipy.stats import t
+
+    estimate = _spearman(parameter, values)
+    unknown = Interval(estimate, math.nan, math.nan)
+    groups = sample.scrambles or min(GROUPS, sample.runs // 4)
+    if groups < 2 or not math.isfinite(estimate) or not np.isfinite(values).all():
+        return unknown
+    commonest = int(np.unique(values, return_counts=True)[1].max())
+    if sample.runs - commonest < min(FEW * groups, sample.runs - 1):
+        return unknown
+    group = np.arange(sample.runs) * groups // sample.runs
+    left = np.array([_spearman(parameter[group != i], values[group != i]) for i in range(groups)])
+    if not np.isfinite(left).all():
+        return unknown
+    whole, parts = (np.arctanh(np.clip(one, -_NEAR_ONE, _NEAR_ONE)) for one in (estimate, left))
+    pseudo = groups * whole - (groups - 1) * parts
+    half = t.ppf(0.5 + 0.5 * CONFIDENCE, groups - 1) * pseudo.std(ddof=1) / math.sqrt(groups)
+    low, high = (float(np.tanh(whole + sign * half)) for sign in (-1, 1))
+    return Interval(estimate, min(low, estimate), max(high, estimate))
+
+
+def _spearman(parameter: NDArray[np.float64], values: NDArray[np.float64]) -> float:
     """Spearman's, of the runs in which the value is known; NaN where nothing varies."""
     from scipy.stats import rankdata
 

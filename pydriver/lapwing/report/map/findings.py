@@ -1,0 +1,138 @@
+"""What a map answers: which torque to choose at which value of the other axis, how sure it is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lapwing.base.arrivals import arrivals_in
+from lapwing.base.codes import Status
+from lapwing.report.words import bands, parameter_unit, parameter_words, plural
+from lapwing.results.findings import START_NAMES, map_rattles, map_separates
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+# Values of the other axis at which the torque to choose is told in a sentence.
+COLUMNS_TOLD = 5
+
+
+def findings(data: xr.Dataset) -> list[str]:
+    """What a map answers, as a sentence or two in Markdown; none where it has no result."""
+    known = data["status"].values == Status.OK
+    if not known.any():
+        return []
+    x, y = (str(data.attrs[f"{side}_parameter"]) for side in "xy")
+    law, seen = arrivals_in(data.attrs), map_separates(data).values
+    kept = 100 * (1 - map_rattles(data).values[known].mean())
+    lost = int((~known).sum())
+    begun = START_NAMES[data.attrs["start"]].removeprefix("each ")
+    said = [f"**Over {span_words(data, x)} and {span_words(data, y)} drive flank contact was kept "
+            f"in {kept:.3g} %** of " + f"{int(known.sum())} of " * bool(lost)
+            + f"{plural(known.size, 'run')} {begun} (map `{data.attrs['name']}`)"]
+    back = (data["back_arrivals"].values > 0) & known
+    for what, where in (("separation", seen), (f"back {law.word}s", back)):
+        said.append(f"{what} seen up to {last_seen(data, where)}" if where.any()
+                    else f"no {what} seen")
+    return [*_choice(data), "; ".join(said) + "."
+            + f" {plural(lost, 'run')} without a result may hold others." * bool(lost),
+            *_above_full(data, begun)]
+
+
+def _choice(data: xr.Dataset) -> list[str]:
+    """The least torques beyond which no run rattles, where one axis is the braking torque."""
+    found = choices(data)
+    if found is None:
+        return []
+    other, torques, quiet = found
+    unit, words = parameter_unit("brake_torque"), parameter_words(other)
+    known = np.isfinite(quiet)
+    if not known.any():
+        return [f"**Which torque to choose is not answered**: look at higher ones than "
+                f"{torques[-1]:g} {unit}."]
+    values, of = data[other].values, parameter_unit(other)
+    alone = " One start alone was tried: another motion may live beside it."
+    if known.all() and np.ptp(quiet) == 0:
+        return [f"**Choose at least {quiet[0]:g} {unit}**: nothing that was run rattles from there "
+                f"on.{alone}"]
+    there = np.flatnonzero(known)
+    some = np.union1d(there[np.linspace(0, there.size - 1, COLUMNS_TOLD).round().astype(int)],
+                      np.nanargmax(quiet))
+    told = ", ".join(f"{quiet[i]:g} {unit} at {values[i]:g} {of}".rstrip() for i in some)
+    beyond = "" if known.all() else (
+        f"; at {bands(values, ~known)} {of}".rstrip() + f" it is more than {torques[-1]:g} {unit}, "
+        "or not known")
+    return [f"**Choose by the {words}**: the least from which on nothing that was run rattles is "
+            f"{told}{beyond}; more in the table below.{alone}"]
+
+
+def choices(data: xr.Dataset) -> tuple[str, NDArray[Any], NDArray[Any]] | None:
+    """Of a map along the braking torque: the other axis, torques, the least for each of its values.
+
+    From that torque on every run is known and keeps contact, and it is T_full at least; NaN: none.
+    """
+    axes = [str(data.attrs[f"{side}_parameter"]) for side in "xy"]
+    if "brake_torque" not in axes or data["brake_torque"].values[0] < 0:
+        return None
+    other = axes[1 - axes.index("brake_torque")]
+    torques, order = data["brake_torque"].values, ("brake_torque", other)
+    calm = ((data["status"] == Status.OK) & ~map_rattles(data)).transpose(*order).values
+    if torques.size > 1 and torques[0] > torques[-1]:
+        torques, calm = torques[::-1], calm[::-1]
+    if (full := full_along(data, other)) is not None:
+        calm &= torques[:, None] >= full
+    rows = np.logical_and.accumulate(calm[::-1])[::-1]
+    least = np.where(rows.any(axis=0), torques[np.argmax(rows, axis=0)], np.nan)
+    return other, torques, least
+
+
+def _above_full(data: xr.Dataset, begun: str) -> list[str]:
+    """What was seen to rattle above T_full."""
+    found = choices(data)
+    full = None if found is None else full_along(data, found[0])
+    if found is None or full is None:
+        return []
+    other = found[0]
+    order = ("brake_torque", other)
+    above = data["brake_torque"].values[:, None] > full
+    known = above & (data["status"] == Status.OK).transpose(*order).values
+    seen = known & map_rattles(data).transpose(*order).values
+    if not known.any():
+        return []
+    head = "**Above T_full, from which on the engaged motion keeps contact,** "
+    if not seen.any():
+        return [f"{head}none of {plural(int(known.sum()), 'run')} {begun} rattles."]
+    at = data[other].values[seen.any(axis=0)]
+    return [f"{head}{int(seen.sum())} of {plural(int(known.sum()), 'run')} {begun} rattle all the "
+            f"same, at {parameter_words(other)} {at[0]:g}" + f" to {at[-1]:g}" * (at.size > 1)
+            + f" {parameter_unit(other)}".rstrip() + ": the start decides there."]
+
+
+def full_along(data: xr.Dataset, other: str) -> NDArray[Any] | None:
+    """T_full along an axis, where it is known and depends on that alone."""
+    if "full_engagement" not in data or data["full_engagement"].dims != (other,):
+        return None
+    full: NDArray[Any] = data["full_engagement"].values
+    return full
+
+
+def span_words(data: xr.Dataset, name: str) -> str:
+    """An axis and its ends: 'pinion speed 200 to 3000 rpm'."""
+    values = data[name].values
+    return (f"{parameter_words(name)} {values[0]:g}" + f" to {values[-1]:g}" * (values.size > 1)
+            + f" {parameter_unit(name)}").rstrip()
+
+
+def last_seen(data: xr.Dataset, where: NDArray[Any]) -> str:
+    """The last value along y at which something was seen, and where along x."""
+    y, x = str(data.attrs["y_parameter"]), str(data.attrs["x_parameter"])
+    seen = data["status"].copy(data=where).transpose(y, x).values
+    values, columns = data[y].values, data[x].values
+    last = np.nonzero(seen.any(axis=1))[0][-1]
+    at = columns[seen[last]]
+    return (f"{parameter_words(y)} {values[last]:g} {parameter_unit(y)}".rstrip()
+            + " (the last one looked at)" * bool(last == values.size - 1)
+            + f", there at {parameter_words(x)} {at[0]:g}"
+            + f" to {at[-1]:g}" * bool(at[-1] > at[0]) + f" {parameter_unit(x)}".rstrip())
