@@ -64,7 +64,7 @@ def test_motions_carried_to_the_last_rattling_value_may_have_died(safe, carried,
     below["trial_value"][:], below["trial_rattling"][:] = safe.rattling, carried
     below["trial_stage"][:] = SearchStage.CARRIED
     said = text(xr.concat([safe.data, below], "trial", combine_attrs="override"))
-    assert ("from the values below it had died on the way" in said) == died
+    assert ("from below died on the way" in said) == died
     assert "died on the way" not in text(safe)
 
 

@@ -27,8 +27,7 @@ if TYPE_CHECKING:
 
 MEANINGS = {"full": "contact can be kept", "safe": "no rattling seen",
             "back": "last back impact seen", "on": "a resting rigid tooth stays on"}
-# Bands of back impacts named one by one; of more the outermost.
-BANDS = 8
+BANDS = 8  # of back impacts, named one by one; of more the outermost
 REASONS = {"thrown_off": "a kink that throws the tooth off",
            "struck": "a kink that strikes the resting tooth, which bounces"}
 
@@ -122,8 +121,7 @@ def _cells(critical: Any) -> tuple[str, str]:
 
 def _tried(critical: xr.Dataset) -> xr.Dataset:
     """The trials without the one that follows rattling longer."""
-    return critical.isel(trial=np.flatnonzero(
-        critical["trial_stage"].values < SearchStage.CONFIRMATION))
+    return critical.isel(trial=critical["trial_stage"].values < SearchStage.CONFIRMATION)
 
 
 def _unit(critical: Any) -> str:
@@ -275,21 +273,17 @@ def _confirmation(critical: xr.Dataset) -> str:
 
 def _died_before(critical: xr.Dataset) -> str:
     """That what was carried to the last rattling value had died on the way, where it had."""
-    value, stage = critical["trial_value"].values, critical["trial_stage"].values
-    rattling = critical["trial_rattling"].values[value == critical.attrs["rattling"]]
-    carried = critical["trial_rattling"].values[
-        (value == critical.attrs["rattling"]) & (stage == SearchStage.CARRIED)]
-    if not carried.size or carried.any() or not rattling.any():
+    last = critical.isel(trial=critical["trial_value"].values == critical.attrs["rattling"])
+    carried = last["trial_rattling"].values[last["trial_stage"].values == SearchStage.CARRIED]
+    if not carried.size or carried.any() or not last["trial_rattling"].any():
         return ""
-    return (f"Those that were carried to {_with_unit(critical, critical.attrs['rattling'])} from "
-            f"the values {_sides(critical)[1]} it had died on the way: what rattles there comes "
-            "from its own starts. ")
+    return (f"Those carried to {_with_unit(critical, critical.attrs['rattling'])} from "
+            f"{_sides(critical)[1]} died on the way: what rattles there is of its own starts. ")
 
 
 def _further(critical: xr.Dataset) -> str:
     """What rattles at the values tried beyond the first rattling one."""
-    further = critical.isel(trial=np.flatnonzero(
-        critical["trial_stage"].values == SearchStage.FURTHER))
+    further = critical.isel(trial=critical["trial_stage"].values == SearchStage.FURTHER)
     count = further.sizes["trial"]
     if not count:
         return ""
@@ -371,8 +365,7 @@ def _bands(critical: xr.Dataset) -> str:
     blind = order.size < critical.sizes["trial"]
     values = critical["trial_value"].values[order]
     hit = critical["trial_back_cycles"].values[order] > 0
-    found = runs_of(hit)
-    bands = listed(found, values, BANDS)
+    found, bands = runs_of(hit), listed(runs_of(hit), values, BANDS)
     if len(found) == 1:
         return (f"Back impacts at {bands} {_unit(critical)}, at every value of the grid "
                 f"{'examined ' * blind}between.")
