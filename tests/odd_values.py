@@ -210,7 +210,7 @@ CASES = {
                            "value": 1.0, "low": 0.999, "high": 1.001, "points": 3}),
     "branches": (lw.branches, {
         "pair": PAIR, "te": TE, "parameter": "brake_torque", "low": 12.4, "high": 12.6, "seeds": 2,
-        "starts": GRID,
+        "starts": GRID, "random_starts": 1, "random_seed": 0, "highest_period": 2, "threads": 1,
         "settle": 1, "doublings": 0, "points": 2, "progress": None, "pinion_speed_rpm": 300}),
     "settled_state": (lw.settled_state, {"osc": OSC, "cycles": 2, "start": "rest"}),
     "load_deck": (lw.load_deck, {"path": DECK, "overrides": [("operation.brake_torque", "2")]}),

@@ -13,7 +13,6 @@ from lapwing import Status, plots
 from lapwing.plots import style, typeface
 from lapwing.plots.critical_marks import marks_of
 from lapwing.plots.response.trajectory import path
-from lapwing.plots.sweep import orbit_diagram
 from lapwing.plots.sweep import parts as sweep_parts
 from lapwing.plots.sweep.deepest_separation import _crossings, _free_place
 
@@ -342,7 +341,7 @@ def test_a_name_in_another_script_is_written_as_escapes(tmp_path):
 
 def test_the_dots_of_a_periodic_motion_are_not_drawn_more_than_shows(results, monkeypatch):
     """Each place of a branch is there, none more than OPAQUE times."""
-    monkeypatch.setattr(orbit_diagram, "OPAQUE", 3)
+    monkeypatch.setattr(sweep_parts, "OPAQUE", 3)
     sweep = results.sweep("torque")
     axis = draw("orbit_diagram", sweep, results.gear_pair).axes[0]
     dots = [line.get_xydata() for line in axis.lines if line.get_marker() == "o"]
@@ -355,12 +354,12 @@ def test_the_dots_of_a_periodic_motion_are_not_drawn_more_than_shows(results, mo
         drawn = dots[shown]
         shown += 1
         assert len(drawn) < phi.size
-        step = np.ptp(phi) / orbit_diagram.PLACES
+        step = np.ptp(phi) / sweep_parts.PLACES
         assert set(drawn[:, 0]) == set(branch["brake_torque"].values[other])
         for value, row in zip(branch["brake_torque"].values[other], phi[other], strict=True):
             places = drawn[drawn[:, 0] == value, 1]
             assert np.max(np.min(np.abs(row[:, None] - places), axis=1)) <= step
-            assert np.max(np.unique(places, return_counts=True)[1]) <= orbit_diagram.OPAQUE
+            assert np.max(np.unique(places, return_counts=True)[1]) <= sweep_parts.OPAQUE
 
 
 def test_the_readers_own_settings_change_nothing(results):

@@ -111,6 +111,8 @@ class SpecialPoint(IntEnum):
     KNOT: an event passes a place where the curvature alone jumps; this is no bifurcation.
     LIMIT: the end of the range asked for. CLOSED: the branch comes back to where it began.
     POINTS: as many points as were asked for. UNRESOLVED: what ends it was not found out.
+    APERIODIC: motions without a period rattle on one side and come to rest on the other; this is no
+    point of a branch, but a bracket.
     """
 
     NONE = 0
@@ -128,6 +130,7 @@ class SpecialPoint(IntEnum):
     CLOSED = 12
     POINTS = 13
     UNRESOLVED = 14
+    APERIODIC = 15
 
 
 class BranchOutcome(IntEnum):
@@ -136,3 +139,44 @@ class BranchOutcome(IntEnum):
     PERSISTS = 1
     TURNS_BACK = 2
     ENDS = 3
+
+
+class BranchEvent(IntEnum):
+    """What an event of a continued motion is.
+
+    GO_ON is an arrival after which the tooth stays in the flank; AT_KINK a release from a rigid
+    flank at a knot, or an impact there, as its slope or curvature jumps.
+    """
+
+    REBOUND = 0
+    GO_ON = 1
+    RELEASE = 2
+    CHATTER_END = 3
+    AT_KINK = 4
+
+
+class FoundMotion(IntEnum):
+    """What a motion is from which a branch may begin.
+
+    Its motion repeats and has events; it is in contact throughout; it has no period that was looked
+    for; its run failed numerically.
+    """
+
+    PERIODIC = 0
+    ENGAGED = 1
+    APERIODIC = 2
+    FAILED = 3
+
+
+class FoundFrom(IntEnum):
+    """How a motion began: from rest, carried up or down, from a grid of starts, at random.
+
+    END: where another one, followed along its branch, is no longer stable.
+    """
+
+    REST = 0
+    UP = 1
+    DOWN = 2
+    GRID = 3
+    RANDOM = 4
+    END = 5

@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lapwing.base.codes import (
+    BranchEvent,
     BranchOutcome,
     Ending,
     EventKind,
     Flank,
+    FoundFrom,
+    FoundMotion,
     MotionState,
     SearchStage,
     SpecialPoint,
@@ -97,7 +100,9 @@ CODES: dict[str, type[IntEnum]] = {
     "impact_flank": Flank, "trial_stage": SearchStage, "special_kind": SpecialPoint,
     "special_outcome": BranchOutcome, "special_flank": Flank, "range_low_kind": SpecialPoint,
     "range_high_kind": SpecialPoint, "ending": Ending, "point_motion_state": MotionState,
-    "start_motion_state": MotionState}
+    "start_motion_state": MotionState, "rattling_low_kind": SpecialPoint,
+    "rattling_high_kind": SpecialPoint, "event_happening": BranchEvent, "event_flank": Flank,
+    "motion_kind": FoundMotion, "motion_begun": FoundFrom}
 RATE = "rad per tau"
 # Columns of each table, in the engine's order: name -> unit. Velocities of an event are relative
 # to the flank touched; `t` is the time since the cycle's beginning; `flight_depth` the greatest
@@ -262,6 +267,21 @@ DESCRIPTIONS: dict[str, tuple[str | None, str]] = {
     "start_phi_dot": ("rad", f"rate of phi of the start, {VELOCITY}"),
     "start_phase": ("1", "mesh phase of the start, in mesh periods"),
     "start_speed": ("rad", f"speed of the start towards the flank, {VELOCITY}"),
+    "event_point": ("1", "point that the event belongs to, from 0"),
+    "event_speed": ("rad", f"speed into the flank before the event, {VELOCITY}"),
+    "event_happening": (None, "what happens at the event"),
+    "event_flank": (None, "flank concerned"),
+    "motion_kind": (None, "what the motion is"),
+    "motion_begun": (None, "how the motion began"),
+    "motion_cycles": ("1", "mesh cycles after which the motion repeats, 0: not"),
+    "motion_branch": ("1", "number of the branch that the motion lies on, 0: on none"),
+    "motion_distance": ("1", "distance of the motion from its branch, part of its size"),
+    "motion_phi": ("rad", "relative angle at mesh phase 0"),
+    "motion_phi_dot": ("rad", f"rate of the relative angle at mesh phase 0, {VELOCITY}"),
+    **{f"rattling_{end}_kind": (None, f"what ends the rattling at the {end} end")
+       for end in ("low", "high")},
+    **{f"rattling_{end}_branch": ("1", f"number of the branch at the {end} end, 0: none")
+       for end in ("low", "high")},
     **{name: (one.units, one.long_name) for name, one in PARAMETERS.items()},
 }
 

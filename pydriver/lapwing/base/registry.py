@@ -6,7 +6,8 @@ keys    its keys in a deck, their checks and what follows from them (`deck.decla
 study   how it is carried out: `carry_out(deck, study, order, threads, done)`, `extent(study)`,
         `failed(dataset)`, and how long it takes: `estimate(deck, study, seconds, clock, threads)`,
         the fields of `studies.cost.Stage` after its name; where it has `KEEPS_SHARDS`, `carry_out`
-        takes a folder for them and a callable(text) for notes besides
+        takes a folder for them and a callable(text) for notes besides; with `TAKES_FOUND`, what
+        the deck's studies before it gave, by kind and name
 report  `headline(dataset)` in one line, `section(datasets, results)`, lines of the summary, and
         where all are told together first, `table(datasets)`
 figures modules of `lapwing.plots` with a `draw(dataset, gear_pair, ...)` and, where not every
@@ -86,7 +87,9 @@ STUDIES = {study.kind: study for study in (
           few=("map.map_classes", "map.map_exponent", "map.map_force", "map.map_rms")),
     Study("ensemble", "ensemble", "deck.keys.ensemble:EnsembleKeys", "studies.ensemble.study",
           "report.ensemble.text", ("ensemble.distributions", "ensemble.tornado"), turn=5,
-          place=5))}
+          place=5),
+    Study("branches", "bifurcation diagram", "deck.keys.branches:BranchesKeys",
+          "studies.branch.study", "report.branches", ("bifurcation",), turn=6, place=6))}
 
 
 def give_accessor() -> None:

@@ -182,7 +182,7 @@ def attempt(results: Any, task: Task, folder: Path) -> Problem | None:
 
 
 # What figures may be told besides their data; each takes what it needs of it.
-OPTIONS = ("gear_pair", "title", "full_engagement", "claims", "marks")
+OPTIONS = ("gear_pair", "title", "full_engagement", "claims", "marks", "sweeps")
 
 
 def figure_of(figure: str, dataset: xr.Dataset, **options: Any) -> Figure:
@@ -244,6 +244,11 @@ def _options(results: Any, task: Task) -> dict[str, Any]:
                 "marks": _marks(results, parameter_of(results.sweep(task.name)))}
     if task.kind in ("map", "ensemble"):
         return {"title": f"{results.attrs.get('deck_name', '')}, {task.kind} '{task.name}'"}
+    if task.kind == "branches":
+        parameter = results.study(task.kind, task.name).attrs["parameter"]
+        swept = [results.sweep(name) for name in results.sweeps]
+        return {"title": f"{results.attrs.get('deck_name', '')}, branches '{task.name}'",
+                "sweeps": [one for one in swept if one["status"].dims[1] == parameter]}
     if task.kind == "critical":
         parameter = results.critical(task.name).attrs["parameter"]
         return {"marks": _marks(results, parameter, besides=task.name)}

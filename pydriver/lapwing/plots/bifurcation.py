@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from lapwing.plots import style
 from lapwing.plots.style import save
-from lapwing.plots.sweep.parts import axis_label, unit_of
+from lapwing.plots.sweep.parts import axis_label, dots, unit_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,8 +22,9 @@ COLOURS = (style.BLACK, style.VERMILION, style.BLUE, style.GREEN, style.PURPLE, 
 # Marker of each kind that is drawn, by the name in the flags; others are ends or no bifurcation.
 MARKERS = {"fold": "^", "period_doubling": "o", "torus": "s", "branch_point": "P", "grazing": "D",
            "release": "v", "rebound": "X", "chatter": "*", "kink": "d", "unresolved": "x"}
-# Rows of the table of special points under the panels.
-MOST_ROWS = 30
+# Rows of the table of special points under the panels, and branches that have their number beside
+# them: those that are stable over the widest ranges.
+MOST_ROWS, NUMBERED = 30, 12
 ROWS_A_COLUMN = 10
 
 
@@ -32,13 +34,15 @@ def shows(diagram: xr.Dataset) -> bool:
 
 
 @style.house_style()
-def draw(diagram: xr.Dataset, *, title: str | None = None) -> Figure:
+def draw(diagram: xr.Dataset, *, title: str | None = None,
+         sweeps: Sequence[xr.Dataset] = ()) -> Figure:
     """Draw a bifurcation diagram.
 
     Parameters
     ----------
     diagram : xarray.Dataset, of `lapwing.branches`
     title : str
+    sweeps : sequence of Dataset of `lapwing.sweep` along the parameter, whose points lie behind it
 
     Returns
     -------
@@ -54,6 +58,8 @@ def draw(diagram: xr.Dataset, *, title: str | None = None) -> Figure:
         4.2, 1.8, 0.17 * (rows + 2)])
     arrivals.sharex(section)
     low, high = float(diagram.attrs["low"]), float(diagram.attrs["high"])
+    section.set_xlim(low, high)
+    _behind(section, diagram, sweeps)
     if shows(diagram):
         _lines(section, diagram)
         _marks(section, diagram, listed)
@@ -61,11 +67,13 @@ def draw(diagram: xr.Dataset, *, title: str | None = None) -> Figure:
     else:
         for axis in (section, arrivals):
             style.nothing(axis, "no periodic motion with events was found")
-    section.set_xlim(low, high)
+    _torques(section, diagram)
+    if section.get_legend_handles_labels()[0]:
+        section.legend(loc="best", ncols=2)
     section.axhline(0, color="0.5", linewidth=0.8)
     section.set_ylabel("φ at phase 0 (µrad)\n← separated   engaged →")
     section.set_title("(a) relative displacement once per mesh cycle: stable solid, unstable "
-                      "dashed; marks: special points")
+                      "dashed; marks: special points" + "; dots: the sweep" * bool(sweeps))
     arrivals.set_title("(b) arrivals at the drive flank per mesh cycle, bounces of a chatter "
                        "included")
     arrivals.set_ylabel("arrivals\nper cycle")
@@ -76,6 +84,51 @@ def draw(diagram: xr.Dataset, *, title: str | None = None) -> Figure:
 
 
 bifurcation = draw
+
+
+def _behind(axis: Axes, diagram: xr.Dataset, sweeps: Sequence[xr.Dataset]) -> None:
+    """What sweeps show, as grey dots."""
+    name = str(diagram.attrs["parameter"])
+    points = []
+    for sweep in sweeps:
+        phi = sweep["phi"].transpose("start", name, ...).values
+        points.append((np.broadcast_to(sweep[name].values[:, None], phi.shape).ravel(),
+                       style.URAD * phi.ravel()))
+    if points:
+        x, y = (np.concatenate(part) for part in zip(*points, strict=True))
+        low, high = axis.get_xlim()
+        inside = (x >= low) & (x <= high) & np.isfinite(y)
+        if inside.any():
+            below, above = y[inside].min(), y[inside].max()
+            margin = 0.05 * max(above - below, 1e-3)
+            axis.set_ylim(below - margin, above + margin)
+            dots(axis, x[inside], y[inside], {"size": 2.0, "alpha": 0.35, "color": "0.55"})
+            axis.autoscale(enable=True, axis="y")
+
+
+def _torques(axis: Axes, diagram: xr.Dataset) -> None:
+    """From where on contact can be kept, where rattling ends and where it dies, as lines."""
+    attrs = diagram.attrs
+    if "kept" not in attrs:
+        return
+    lines = [(float(attrs["kept"]), "contact can be kept", ":")]
+    if diagram.sizes.get("rattling", 0):
+        lines.append((float(diagram["rattling_high"].values[-1]), "rattling ends", "--"))
+    if "dies" in attrs:
+        lines.append((float(attrs["dies"]), "raised rattling dies", "-."))
+    low, high = axis.get_xlim()
+    for value, words, look in lines:
+        if low < value < high:
+            axis.axvline(value, color="0.4", linewidth=0.9, linestyle=look, zorder=1, label=words)
+
+
+def _widest(diagram: xr.Dataset) -> list[int]:
+    """Numbers of the branches, those that are stable over the widest ranges first."""
+    count = int(diagram["branch"].values.max(initial=0))
+    width = np.zeros(count + 1)
+    np.add.at(width, diagram["range_branch"].values,
+              diagram["range_high"].values - diagram["range_low"].values)
+    return [int(number) for number in np.argsort(-width[1:], kind="stable") + 1]
 
 
 def _kinds(diagram: xr.Dataset) -> list[str]:
@@ -91,7 +144,8 @@ def _listed(diagram: xr.Dataset) -> list[int]:
     kinds, seen, found = _kinds(diagram), set(), []
     values, numbers = diagram["special_value"].values, diagram["special_branch"].values
     span = float(diagram.attrs["high"]) - float(diagram.attrs["low"])
-    for k in np.lexsort((values, numbers)):
+    rank = {number: place for place, number in enumerate(_widest(diagram))}
+    for k in np.lexsort((values, np.array([rank[int(number)] for number in numbers]))):
         place = (kinds[k], int(numbers[k]), round(float(values[k]) / span * 1e8))
         if kinds[k] in MARKERS and place not in seen:
             seen.add(place)
@@ -106,7 +160,7 @@ def _colour(number: int) -> str:
 def _lines(axis: Axes, diagram: xr.Dataset) -> None:
     """Every strobed displacement of every branch."""
     first = np.searchsorted(diagram["strobe_point"].values, np.arange(diagram.sizes["point"]))
-    phi = style.URAD * diagram["phi"].values
+    phi, numbered = style.URAD * diagram["phi"].values, _widest(diagram)[:NUMBERED]
     for number in np.unique(diagram["branch"].values):
         points = np.flatnonzero(diagram["branch"].values == number)
         x, stable = diagram["value"].values[points], diagram["stable"].values[points] > 0
@@ -117,6 +171,8 @@ def _lines(axis: Axes, diagram: xr.Dataset) -> None:
                           linewidth=0.9 if dashed else 1.6,
                           linestyle=(0, (3, 2)) if dashed else "-",
                           alpha=0.8 if dashed else 1.0)
+        if number not in numbered:
+            continue
         middle = len(points) // 2
         axis.annotate(str(number), (x[middle], phi[first[points[middle]]]),
                       textcoords="offset points", xytext=(3, 4), fontsize=8,
@@ -147,8 +203,6 @@ def _marks(axis: Axes, diagram: xr.Dataset, listed: list[int]) -> None:
                   color=style.BLACK, linestyle="",
                   label=None if kind in shown else kind.replace("_", " "))
         shown.append(kind)
-    if shown:
-        axis.legend(loc="best", ncols=2)
 
 
 def _arrivals(axis: Axes, diagram: xr.Dataset) -> None:

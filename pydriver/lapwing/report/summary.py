@@ -34,8 +34,9 @@ def summary_text(results: Results, figures: Sequence[str] = ()) -> str:
     found = {study: [results.study(study.kind, name) for name in results.studies[study.kind]]
              for study in summarised()}
     lines = [f"# {results.attrs['deck_name']}", "", *_first(figures),
-             *findings_lines(findings(*studies_in(results), results.missing,
-                                *(_all(results, kind) for kind in ("map", "ensemble")))), "",
+             *findings_lines(findings(
+                 *studies_in(results), results.missing,
+                 *(_all(results, kind) for kind in ("map", "ensemble", "branches")))), "",
              *_gear(results)]
     for study, datasets in found.items():
         part = study.part("report")

@@ -80,7 +80,7 @@ def compute(deck: Deck, threads: int, report: Callable[..., Any],
             if not deck.studies[study.kind]:
                 continue
             way = _side_by_side if study.side_by_side else _one_by_one
-            if not way(study, deck, threads, report, known, found.studies[study.kind], keeping):
+            if not way(study, deck, threads, report, known, found.studies, keeping):
                 found.interrupted = True
                 break
     except KeyboardInterrupt:
@@ -125,7 +125,7 @@ def compute_part(deck: Deck, part: int, parts: int, threads: int, report: Callab
 
 
 def _one_by_one(study: Study, deck: Deck, threads: int, report: Callable[..., Any],
-                known: dict[tuple[str, str], xr.Dataset], found: dict[str, Any],
+                known: dict[tuple[str, str], xr.Dataset], found: dict[str, dict[str, Any]],
                 keeping: dict[str, Any]) -> bool:
     """Add the studies of a kind; returns whether none was stopped."""
     for order, asked in enumerate(deck.studies[study.kind]):
@@ -135,15 +135,17 @@ def _one_by_one(study: Study, deck: Deck, threads: int, report: Callable[..., An
             done = report(f"{study.kind} {asked.name}", *part.extent(asked))
             kept = {**keeping, "folder": shards_of(keeping["folder"], study.kind, asked.name)} \
                 if keeping and getattr(part, "KEEPS_SHARDS", False) else {}
+            if getattr(part, "TAKES_FOUND", False):
+                kept["found"] = found
             dataset = part.carry_out(deck, asked, order, threads, done, **kept)
-        found[asked.name] = dataset
+        found[study.kind][asked.name] = dataset
         if not is_finished(dataset):
             return False
     return True
 
 
 def _side_by_side(study: Study, deck: Deck, threads: int, report: Callable[..., Any],
-                  known: dict[tuple[str, str], xr.Dataset], found: dict[str, Any],
+                  known: dict[tuple[str, str], xr.Dataset], found: dict[str, dict[str, Any]],
                   _: object) -> bool:
     """The same, several at a time."""
     from lapwing.studies.side_by_side import side_by_side
@@ -159,5 +161,5 @@ def _side_by_side(study: Study, deck: Deck, threads: int, report: Callable[..., 
     for order, one in enumerate(asked):
         dataset = known.get((study.kind, one.name), made.get(order))
         if dataset is not None:
-            found[one.name] = dataset
+            found[study.kind][one.name] = dataset
     return complete

@@ -44,6 +44,9 @@ def test_fold_and_doubling_of_the_ball(contact_law, restitution):
     fold, flip = only(found, Kind.FOLD), only(found, Kind.PERIOD_DOUBLING)
     assert fold.value == pytest.approx(saddle_node(restitution), rel=1e-12)
     assert flip.value == pytest.approx(doubling(restitution), rel=1e-12)
+    # What is told of the error holds, and says something.
+    for special, exact in ((fold, saddle_node(restitution)), (flip, doubling(restitution))):
+        assert abs(special.value - exact) <= special.error < 1e-11
     assert fold.outcome is Outcome.TURNS_BACK and flip.outcome is Outcome.PERSISTS
     # Near a fold a multiplier moves as the root of the distance.
     assert fold.multipliers == pytest.approx([1, restitution**2], abs=1e-7)
@@ -80,6 +83,7 @@ def test_grazing_of_the_coast_flank(gamma, restitution):
     graze = found.of_kind(Kind.GRAZING)[-1]
     assert graze.value == pytest.approx(exact, rel=1e-12)
     assert (graze.flank, graze.outcome) == (2, Outcome.TURNS_BACK)
+    assert abs(graze.value - exact) <= graze.error < 1e-10 * exact
     # From the other side, along the motion that strikes: an impact is lost at the same place.
     beyond = next(point for point in found.points if point.place.layout.n == 2
                   and 1e-4 < point.value - exact < 0.1 * exact)

@@ -5,8 +5,8 @@ import pytest
 
 import lapwing
 from helpers import PAIR, SHIPPED, scene_a
-from lapwing.base.codes import SpecialPoint
-from lapwing.studies.branch.family import on_one
+from lapwing.base.codes import FoundFrom, FoundMotion, SpecialPoint
+from lapwing.studies.branch.collection import Collection
 from lapwing.studies.branch.run import branch
 
 SCENE_A = {"pinion_speed_rpm": 240, "impact_law": "absolute"}
@@ -16,7 +16,8 @@ SCENE_A = {"pinion_speed_rpm": 240, "impact_law": "absolute"}
 def upper():
     """The torques about which rattling that was raised slowly dies, scene A."""
     return lapwing.branches(PAIR, SHIPPED, low=12.15, high=12.4, seeds=6,
-                            starts=lapwing.StartGrid(2, 2, 1), settle=400, doublings=1, **SCENE_A)
+                            starts=lapwing.StartGrid(2, 2, 1), settle=400, doublings=1,
+                            highest_period=3, **SCENE_A)
 
 
 def test_ranges_end_where_special_points_lie(upper):
@@ -56,15 +57,33 @@ def test_no_motion_of_the_seeds_is_missed(upper):
     assert upper.attrs["lost"] == 0 and not upper["seed_failed"].any()
     # From rest, carried both ways, and 1 + 2·2·2·1 starts of the grid.
     assert upper["seed_motions"].values.tolist() == [12] * 6
+    assert (upper["motion_begun"] != FoundFrom.END).sum() == 72
     assert np.all(upper["seed_engaged"] + upper["seed_aperiodic"] <= upper["seed_motions"])
     assert np.any(upper["seed_engaged"] + upper["seed_aperiodic"] < upper["seed_motions"])
+    periodic = upper["motion_kind"] == FoundMotion.PERIODIC
+    assert np.all((upper["motion_branch"] > 0) == periodic)
+    assert upper["motion_distance"].values[periodic.values].max() < 1e-8
+
+
+def test_a_motion_is_known_by_its_points():
     orbit = lapwing.find_orbit(scene_a(5.5), settle=200)
     found = branch(orbit, "brake_torque", low=5.4, high=5.6)
     other = lapwing.find_orbit(scene_a(5.57), orbit.state)
-    assert on_one([found], 5.57, other.state, 1)
-    state, phi, phi_dot = other.state
-    assert not on_one([found], 5.57, (state, 0.99 * phi, phi_dot), 1)
-    assert not on_one([found], 5.57, other.state, 2)
+    known = Collection()
+    known.add(found)
+    state = np.array(other.state[1:])
+    assert known.match(5.57, state, 1).branch is found
+    assert known.match(5.57, state * [0.99, 1], 1) is None
+    assert known.match(5.57, state, 2) is None
+    # Begun elsewhere it is the same branch; a part of it makes room for it.
+    known.add(branch(other, "brake_torque", low=5.4, high=5.6))
+    assert known.branches == [found]
+    part = branch(orbit, "brake_torque", low=5.45, high=5.55)
+    for order in ([part, found], [found, part]):
+        known = Collection()
+        for one in order:
+            known.add(one)
+        assert known.branches == [found]
 
 
 def test_the_table_is_stored_and_drawn(upper, tmp_path):

@@ -368,7 +368,7 @@ class Studies:
             if oscillator is None:
                 return
             if oscillator.force < 0 and oscillator.gap == "one_flank" \
-                    and reader.name in ("sweep", "map", "ensemble"):
+                    and reader.name in ("sweep", "map", "ensemble", "branches"):
                 self.report.add(reader.place, "starts from rest with a negative force need a "
                                                "coast flank to rest on")
 

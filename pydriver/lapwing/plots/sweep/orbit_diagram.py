@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lapwing.base.arrivals import arrivals_in, listed_impacts, per_cycle
 from lapwing.base.codes import Status
@@ -25,9 +24,6 @@ if TYPE_CHECKING:
 HIGHEST_PERIOD = 8
 # Where the row of impacts on the coast flank stands, in parts of the panel.
 COAST_ROW = 0.93
-# Places told apart over the height of a panel, several to a pixel; and the number of points on
-# one after which further ones change little, even at the edge of a small dot.
-PLACES, OPAQUE = 4096, 20
 
 
 def shows(sweep: xr.Dataset) -> bool:
@@ -80,24 +76,6 @@ def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title:
 orbit_diagram = draw
 
 
-def _dots(axis: Axes, x: NDArray[Any], y: NDArray[Any], look: dict[str, Any]) -> None:
-    """All points of a branch (x, y of one shape); the scale must be final.
-
-    A periodic motion comes to the same places in every cycle; no more is drawn than can be seen.
-    """
-    x, y = x[np.isfinite(y)], y[np.isfinite(y)]
-    if y.size == 0:
-        return
-    height = axis.yaxis.get_transform().transform(y)
-    row = np.round((height - height.min()) * (PLACES / (np.ptp(height) or 1))).astype(np.int64)
-    column = np.unique(x, return_inverse=True)[1]
-    _, first, count = np.unique(column * (PLACES + 1) + row, return_index=True,
-                                return_counts=True)
-    points = np.repeat(first, np.minimum(count, OPAQUE))
-    axis.plot(x[points], y[points], linestyle="", marker="o", markersize=look["size"],
-              markeredgewidth=0, alpha=look["alpha"], color=look["color"], rasterized=True)
-
-
 def _section(axis: Axes, sweep: xr.Dataset, gear_pair: dict[str, float] | None, claims: Any) -> str:
     """Strobed displacement, µrad.  Every panel returns its heading."""
     small = style.widen_small_values(axis, style.URAD * sweep["phi"].values)
@@ -105,7 +83,7 @@ def _section(axis: Axes, sweep: xr.Dataset, gear_pair: dict[str, float] | None, 
         x = branch[sweep_parts.parameter_of(sweep)].values
         y = np.where(sweep_parts.differs(sweep, branch)[:, None],
                      style.URAD * branch["phi"].values, np.nan)
-        _dots(axis, np.broadcast_to(x[:, None], y.shape), y, look)
+        sweep_parts.dots(axis, np.broadcast_to(x[:, None], y.shape), y, look)
     axis.axhline(0, color="0.5", linewidth=0.8)
     axis.set_ylim(axis.get_ylim())
     axis.set_ylabel(f"φ at phase {float(sweep.attrs.get('phase', 0)):g} (µrad)\n"
@@ -125,7 +103,7 @@ def _impact_speeds(axis: Axes, sweep: xr.Dataset, gear_pair: dict[str, float] | 
         x = branch[sweep_parts.parameter_of(sweep)].values
         place, point = listed_impacts(branch)
         shown = sweep_parts.differs(sweep, branch)[point]
-        _dots(axis, x[point[shown]], factor * np.abs(velocity[place[shown]]), look)
+        sweep_parts.dots(axis, x[point[shown]], factor * np.abs(velocity[place[shown]]), look)
     axis.set_ylabel(f"approach speed |φ'|\n({unit})")
     if velocity.size:
         axis.set_ylim(bottom=0)

@@ -26,6 +26,9 @@ DIFFERENT = ", where different"
 # distributions: beyond this distance (the greatest difference of the shares below any value) two
 # of a hundred points each, of one motion, hardly ever are, even if neighbours are correlated.
 SAME, APART = 1e-3, 0.35
+# Places told apart over the height of a panel, several to a pixel; and the number of points on
+# one after which further ones change little, even at the edge of a small dot.
+PLACES, OPAQUE = 4096, 20
 # An entry of a legend has about so many letters; of a line of them so many fit.
 LETTERS = 105
 # Words on an axis where they are others than a sentence takes.
@@ -228,3 +231,21 @@ def finish(figure: Figure, axes: NDArray[Any], sweep: xr.Dataset, title: str) ->
             wider = MARGIN * (values[-1] - values[0])
             axes[-1].set_xlim(values[0] - wider, values[-1] + wider)
     figure.suptitle(title)
+
+
+def dots(axis: Axes, x: NDArray[Any], y: NDArray[Any], look: dict[str, Any]) -> None:
+    """All points of a line (x, y of one shape); the scale must be final.
+
+    A periodic motion comes to the same places in every cycle; no more is drawn than can be seen.
+    """
+    x, y = x[np.isfinite(y)], y[np.isfinite(y)]
+    if y.size == 0:
+        return
+    height = axis.yaxis.get_transform().transform(y)
+    row = np.round((height - height.min()) * (PLACES / (np.ptp(height) or 1))).astype(np.int64)
+    column = np.unique(x, return_inverse=True)[1]
+    _, first, count = np.unique(column * (PLACES + 1) + row, return_index=True,
+                                return_counts=True)
+    points = np.repeat(first, np.minimum(count, OPAQUE))
+    axis.plot(x[points], y[points], linestyle="", marker="o", markersize=look["size"],
+              markeredgewidth=0, alpha=look["alpha"], color=look["color"], rasterized=True)

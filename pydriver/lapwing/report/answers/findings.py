@@ -19,6 +19,7 @@ from lapwing.report.answers import between
 from lapwing.report.answers.besides import besides
 from lapwing.report.answers.evidence import failures, looks, together
 from lapwing.report.answers.source import against_source
+from lapwing.report.branches import findings as branches_findings
 from lapwing.report.critical import REASONS
 from lapwing.report.ensemble.findings import findings as ensemble_findings
 from lapwing.report.map.findings import findings as map_findings
@@ -40,13 +41,13 @@ TERMS = {"safe": "above it none of the motions tried rattles",
 
 
 def findings(responses: Any, criticals: Any, sweeps: Any, missing: Any = (),
-             maps: Any = (), ensembles: Any = ()) -> list[str]:
+             maps: Any = (), ensembles: Any = (), diagrams: Any = ()) -> list[str]:
     """What a run found, the most important first.
 
     Parameters
     ----------
-    responses, criticals, sweeps, maps, ensembles : sequences of Dataset, each with its name as
-        an attribute
+    responses, criticals, sweeps, maps, ensembles, diagrams : sequences of Dataset, each with its
+        name as an attribute
     missing : sequence of (kind, name), studies of the deck without a result
 
     Returns
@@ -55,7 +56,9 @@ def findings(responses: Any, criticals: Any, sweeps: Any, missing: Any = (),
     """
     stopped = _stopped([*sweeps, *maps, *ensembles], missing)
     torque = _Torque(responses, criticals, sweeps)
-    answers = [*torque.sentences(), *noise_findings(criticals), *besides(criticals, sweeps),
+    answers = [*torque.sentences(),
+               *(sentence for one in diagrams for sentence in branches_findings(one)),
+               *noise_findings(criticals), *besides(criticals, sweeps),
                *(sentence for one in maps for sentence in map_findings(one)),
                *ensemble_findings(list(ensembles))]
     if not answers:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lapwing.studies.branch.borders import Condition
+from lapwing.studies.branch.motion.borders import Condition
 from lapwing.studies.branch.motion.curve import (
     NotCorrected,
     Place,
@@ -56,8 +56,8 @@ def beyond(follower: Follower, crossing: Crossing | str,
 
 
 def _found(follower: Follower, crossing: Crossing, place: Place, kind: Kind, words: str,
-           after: Place | None, error: float = 1e-12) -> tuple[Special, Place | None]:
-    """A special point and what follows, said in its outcome."""
+           after: Place | None, error: float = 0.0) -> tuple[Special, Place | None]:
+    """A special point and what follows, said in its outcome; `error` on top of the crossing's."""
     outcome = Outcome.ENDS
     if after is not None:
         same = after.tangent[-1] * place.tangent[-1] > 0
@@ -66,7 +66,8 @@ def _found(follower: Follower, crossing: Crossing, place: Place, kind: Kind, wor
     flank = turn.flank if turn else int(place.layout.flank[crossing.event])
     phase = turn.phase if turn else float(place.z[2 * crossing.event])
     known = kind is Kind.KNOT
-    return Special(kind, outcome, point.value, error * follower.problem.unit, words, flank,
+    error = crossing.error + error * follower.problem.unit
+    return Special(kind, outcome, point.value, error, words, flank,
                    float(np.mod(phase, 1.0)), place,
                    point.multipliers if known else np.full(2, complex(math.nan))), after
 

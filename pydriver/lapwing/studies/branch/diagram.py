@@ -1,138 +1,218 @@
-"""Branches as a table: points, special points, and the ranges over which motions are stable."""
+"""Branches as a table: points, special points, stable ranges, the motions they began with."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import groupby
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lapwing.base import quantities
+from lapwing.base.codes import FoundFrom, FoundMotion
 from lapwing.studies.branch.motion.layout import Happening
-from lapwing.studies.branch.motion.witness import states_at
-from lapwing.studies.branch.run import Branch
-from lapwing.studies.branch.seeds import Found
-from lapwing.studies.branch.special import Kind, Point
+from lapwing.studies.branch.ranges import StableRange, stable_ranges
+from lapwing.studies.branch.rattling import Rattling, rattling
+from lapwing.studies.critical.run import critical_full, critical_on
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from lapwing.studies.branch.family import Found, Request
+    from lapwing.studies.branch.motion.layout import Layout
+    from lapwing.studies.branch.run import Branch
+    from lapwing.studies.branch.seeds import Search
 
 # Columns in the unit of the parameter.
 VALUES = {"value": "of each point", "special_value": "of each special point",
           "special_error": "by how much that of a special point may be off",
           "range_low": "lower end of each stable range",
           "range_high": "upper end of each stable range",
-          "seed_value": "at which motions were looked at"}
+          "seed_value": "at which motions were looked at",
+          "motion_value": "of each motion that was looked at",
+          "rattling_low": "lower end of each interval of rattling",
+          "rattling_high": "upper end of each interval of rattling",
+          "rattling_low_error": "by how much the lower end may be off",
+          "rattling_high_error": "by how much the upper end may be off"}
+ENDS = ("low", "high")
 
 
-def table(found: Sequence[Branch], parameter: str, low: float, high: float,
-          values: NDArray[Any], looked: Found) -> xr.Dataset:
+def table(request: Request, found: Found) -> xr.Dataset:
     """A bifurcation diagram.
 
     Parameters
     ----------
-    found : sequence of Branch, numbered from 1
-    parameter : str, its name
-    low, high : float, range
-    values : array (n,), at which motions were looked at
-    looked : Found, what they were
+    request : family.Request
+    found : family.Found
 
     Returns
     -------
     xarray.Dataset over
-        `point`: the parameter, branch, cycles, stable, rank, arrivals at either flank;
+        `point`: the parameter, branch (from 1), cycles, stable, rank, arrivals at either flank;
         `multiplier` besides: multiplier_real and multiplier_imag;
         `strobe`: strobe_point, phi and phi_dot at phase 0 of each mesh cycle of a point;
+        `event`: event_point, event_phase, event_speed, event_happening, event_flank of each event
+        of each point;
         `special`: special_value, its error, branch, kind, outcome, flank, phase, φ at phase 0;
-        `stable_range`: range_low and range_high, the kind of special point at either end, branch.
-        `seed`: seed_value, and of the motions looked at there how many in all (seed_motions), in
-        contact throughout (seed_engaged), without a period (seed_aperiodic), failed (seed_failed).
+        `stable_range`: range_low and range_high, the kind of special point at either end, branch;
+        `motion`, each that was looked at: motion_value, motion_kind, motion_begun, motion_cycles,
+        motion_branch (0: on none) and motion_distance from it, part of its size;
+        `seed`: seed_value, and of the motions looked for there how many in all (seed_motions), in
+        contact throughout (seed_engaged), without a period (seed_aperiodic), failed (seed_failed);
+        where it is known from which value on contact can be kept (attribute `kept`) `rattling`:
+        the intervals of rattling above it, rattling_low and _high, error, kind and branch of either
+        end, and attributes dies, dies_error, dies_kind, dies_branch: where rattling dies that is
+        raised slowly.
         Kinds and outcomes are `branch.Kind` and `branch.Outcome`.
     """
     import xarray as xr
 
-    points = [(k + 1, point) for k, one in enumerate(found) for point in one.points]
-    specials = [(k + 1, one, special) for k, one in enumerate(found) for special in one.specials]
-    ranges = [row for k, one in enumerate(found) for row in _ranges(k + 1, one)]
-    strobes = [_strobes(found[number - 1], point) for number, point in points]
-    multipliers = np.array([point.multipliers for _, point in points]).reshape(-1, 2)
-    data: dict[str, Any] = {
-        "value": ("point", [point.value for _, point in points]),
+    search, (low, high) = request.search, request.range
+    ranges = stable_ranges(found.branches)
+    data = {**_points(found.branches), **_specials(found.branches), **_ranges(ranges),
+            **_motions(found)}
+    attrs = {"parameter": search.parameter, "low": low, "high": high, "settle": search.settle,
+             "doublings": request.doublings, "highest_period": search.highest,
+             "random_starts": search.random, "random_seed": search.seed,
+             "lost": int(sum(one.kind is FoundMotion.PERIODIC and on is None
+                             for one, on in zip(found.motions, found.on, strict=True)))}
+    kept = kept_from(search)
+    if kept is not None and kept < high:
+        rattles = rattling(search, found, ranges, kept)
+        data |= _intervals(rattles)
+        attrs |= {"kept": kept} | _dies(rattles)
+    diagram = xr.Dataset(data, attrs=attrs)
+    known = quantities.parameter(search.parameter)
+    for name in VALUES.keys() & data.keys():
+        diagram[name].attrs = {"units": known.units,
+                               "long_name": f"{known.words}, {VALUES[name]}"}
+    return quantities.worded(diagram)
+
+
+def kept_from(search: Search) -> float | None:
+    """The braking torque from which on contact can be kept; None along another parameter."""
+    if search.parameter != "brake_torque":
+        return None
+    operation = {key: one for key, one in search.operation.items() if key != "brake_torque"}
+    find = critical_on if operation.get("contact_law") == "rigid" else critical_full
+    found = find(search.pair, search.te, **operation).attrs
+    return float(found["estimate"]) if found["outcome"] == "found" else None
+
+
+def _points(branches: Sequence[Branch]) -> dict[str, Any]:
+    """Points of branches, their strobed states and events."""
+    points = [(k, one) for k, branch in enumerate(branches, 1) for one in branch.points]
+    strobes = [one for branch in branches for one in branch.strobed]
+    multipliers = np.array([one.multipliers for _, one in points]).reshape(-1, 2)
+    layouts = [one.place.layout for _, one in points]
+    events = [one.n for one in layouts]
+    speeds = [np.empty(0), *(one.follower.problem.at(point.place.z)[0].speed for one in branches
+                             for point in one.points)]
+    return {
+        "value": ("point", _real(one.value for _, one in points)),
         "branch": ("point", _whole(number for number, _ in points)),
-        "cycles": ("point", _whole(point.place.layout.cycles for _, point in points)),
-        "stable": ("point", _whole(point.stable for _, point in points)),
-        "rank": ("point", _whole(point.rank for _, point in points)),
-        "arrivals": ("point", _whole(_arrivals(point, 1) for _, point in points)),
-        "back_arrivals": ("point", _whole(_arrivals(point, 2) for _, point in points)),
+        "cycles": ("point", _whole(one.cycles for one in layouts)),
+        "stable": ("point", _whole(one.stable for _, one in points)),
+        "rank": ("point", _whole(one.rank for _, one in points)),
+        "arrivals": ("point", _whole(_arrivals(one, 1) for one in layouts)),
+        "back_arrivals": ("point", _whole(_arrivals(one, 2) for one in layouts)),
         "multiplier_real": (("point", "multiplier"), multipliers.real),
         "multiplier_imag": (("point", "multiplier"), multipliers.imag),
-        "strobe_point": ("strobe", np.repeat(np.arange(len(points)),
-                                             [one.shape[1] for one in strobes]).astype(int)),
-        "phi": ("strobe", np.concatenate([*(one[0] for one in strobes), np.empty(0)])),
-        "phi_dot": ("strobe", np.concatenate([*(one[1] for one in strobes), np.empty(0)]))}
-    data |= {f"special_{name}": ("special", np.array([get(one) for _, _, one in specials],
-                                                     dtype=kind))
-             for name, get, kind in (
-                 ("value", lambda one: one.value, float), ("error", lambda one: one.error, float),
-                 ("kind", lambda one: int(one.kind), np.int8),
-                 ("outcome", lambda one: int(one.outcome), np.int8),
-                 ("flank", lambda one: one.flank, np.int8),
-                 ("phase", lambda one: one.phase, float))}
-    data["special_branch"] = ("special", _whole(number for number, _, _ in specials))
-    data["special_phi"] = ("special", np.array([one.state(special)[1] for _, one, special
-                                                in specials], dtype=float))
-    data |= {f"range_{name}": ("stable_range", np.array([row[i] for row in ranges], dtype=kind))
-             for i, (name, kind) in enumerate((
-                 ("branch", int), ("low", float), ("high", float), ("low_kind", np.int8),
-                 ("high_kind", np.int8), ("cycles", int)))}
-    data |= {f"seed_{name}": ("seed", getattr(looked, name))
-             for name in ("motions", "engaged", "aperiodic", "failed")}
-    data["seed_value"] = ("seed", values)
-    table = xr.Dataset(data, attrs={"parameter": parameter, "low": low, "high": high})
-    known = quantities.parameter(parameter)
-    for name, words in VALUES.items():
-        table[name].attrs = {"units": known.units, "long_name": f"{known.words}, {words}"}
-    return quantities.worded(table)
+        "strobe_point": ("strobe", _repeated([one.shape[1] for one in strobes])),
+        "phi": ("strobe", np.concatenate([np.empty(0), *(one[0] for one in strobes)])),
+        "phi_dot": ("strobe", np.concatenate([np.empty(0), *(one[1] for one in strobes)])),
+        "event_point": ("event", _repeated(events)),
+        "event_phase": ("event", np.concatenate(
+            [np.empty(0), *(one.place.z[:-1:2] for _, one in points)])),
+        "event_speed": ("event", np.concatenate(speeds)),
+        "event_happening": ("event", np.concatenate(
+            [np.empty(0), *(one.kind for one in layouts)]).astype(np.int8)),
+        "event_flank": ("event", np.concatenate(
+            [np.empty(0), *(one.flank for one in layouts)]).astype(np.int8))}
 
 
-def _whole(numbers: Any) -> np.ndarray:
+def _specials(branches: Sequence[Branch]) -> dict[str, Any]:
+    rows = [(number, branch, one) for number, branch in enumerate(branches, 1)
+            for one in branch.specials]
+    specials = [one for _, _, one in rows]
+    return {
+        "special_value": ("special", _real(one.value for one in specials)),
+        "special_error": ("special", _real(one.error for one in specials)),
+        "special_branch": ("special", _whole(number for number, _, _ in rows)),
+        "special_kind": ("special", _codes(one.kind for one in specials)),
+        "special_outcome": ("special", _codes(one.outcome for one in specials)),
+        "special_flank": ("special", _codes(one.flank for one in specials)),
+        "special_phase": ("special", _real(one.phase for one in specials)),
+        "special_phi": ("special", _real(branch.state(one)[1] for _, branch, one in rows))}
+
+
+def _ranges(ranges: Sequence[StableRange]) -> dict[str, Any]:
+    return {"range_branch": ("stable_range", _whole(one.branch for one in ranges)),
+            **{f"range_{end}": ("stable_range", _real(getattr(one, end).value for one in ranges))
+               for end in ENDS},
+            **{f"range_{end}_kind": ("stable_range", _codes(
+                getattr(one, end).kind for one in ranges)) for end in ENDS},
+            "range_cycles": ("stable_range", _whole(one.cycles for one in ranges))}
+
+
+def _motions(found: Found) -> dict[str, Any]:
+    """Every motion that was looked at, and their numbers by value."""
+    numbers = {id(one): number for number, one in enumerate(found.branches, 1)}
+    value, kind = (np.array([getattr(one, name) for one in found.motions])
+                   for name in ("value", "kind"))
+    looked = np.array([one.begun is not FoundFrom.END for one in found.motions])
+    values, place = np.unique(value[looked], return_inverse=True)
+    counts = {name: kind == code for name, code in (
+        ("engaged", FoundMotion.ENGAGED), ("aperiodic", FoundMotion.APERIODIC),
+        ("failed", FoundMotion.FAILED))} | {"motions": np.ones(len(kind), dtype=bool)}
+    return {
+        "motion_value": ("motion", value.astype(float)),
+        "motion_kind": ("motion", _codes(kind)),
+        "motion_begun": ("motion", _codes(one.begun for one in found.motions)),
+        "motion_cycles": ("motion", _whole(one.cycles for one in found.motions)),
+        "motion_branch": ("motion", _whole(numbers[id(one.branch)] if one else 0
+                                           for one in found.on)),
+        "motion_distance": ("motion", _real(one.distance if one else np.nan for one in found.on)),
+        "motion_phi": ("motion", _real(one.state[1] for one in found.motions)),
+        "motion_phi_dot": ("motion", _real(one.state[2] for one in found.motions)),
+        "seed_value": ("seed", values.astype(float)),
+        **{f"seed_{name}": ("seed", np.bincount(place[rows[looked]], minlength=len(values)))
+           for name, rows in counts.items()}}
+
+
+def _intervals(rattles: Rattling) -> dict[str, Any]:
+    rows = {end: [pair[k] for pair in rattles.intervals] for k, end in enumerate(ENDS)}
+    return {f"rattling_{end}{part}": ("rattling", make(getattr(one, name) for one in rows[end]))
+            for end in ENDS for part, name, make in (
+                ("", "value", _real), ("_error", "error", _real), ("_kind", "kind", _codes),
+                ("_branch", "branch", _whole))}
+
+
+def _dies(rattles: Rattling) -> dict[str, Any]:
+    """Attributes: where rattling that is raised slowly dies."""
+    if rattles.dies is None:
+        return {}
+    value, error, kind, branch = rattles.dies
+    return {"dies": value, "dies_error": error, "dies_kind": kind.name.lower(),
+            "dies_branch": branch}
+
+
+def _real(numbers: Iterable[float]) -> NDArray[Any]:
+    return np.array(list(numbers), dtype=float)
+
+
+def _codes(numbers: Iterable[int]) -> NDArray[Any]:
+    return np.array([int(one) for one in numbers], dtype=np.int8)
+
+
+def _whole(numbers: Iterable[int]) -> NDArray[Any]:
     return np.array([int(one) for one in numbers], dtype=np.int64)
 
 
-def _arrivals(point: Point, flank: int) -> int:
-    layout = point.place.layout
+def _repeated(counts: Sequence[int]) -> NDArray[Any]:
+    """Number of the point of each of its rows."""
+    return np.repeat(np.arange(len(counts)), np.array(counts, dtype=int))
+
+
+def _arrivals(layout: Layout, flank: int) -> int:
     return int(np.sum((layout.kind <= Happening.GO_ON) & (layout.flank == flank)))
-
-
-def _strobes(one: Branch, point: Point) -> np.ndarray:
-    """φ and φ' at phase 0 of each mesh cycle, array (2, cycles)."""
-    place = point.place
-    return np.array(states_at(one.follower.problem, place.layout, place.z,
-                              np.arange(place.layout.cycles, dtype=float))[1:])
-
-
-def _ranges(number: int, one: Branch) -> list[tuple[Any, ...]]:
-    """Stretches of a branch along which it is stable: branch, both ends and their kinds, cycles."""
-    stable, found = one.stable, []
-    for is_stable, group in groupby(range(len(stable)), key=lambda k: bool(stable[k])):
-        if is_stable:
-            indices = list(group)
-            values = one.values[indices]
-            # At a border the point before and the one beyond have no multipliers.
-            ends = [_bound(one, indices[0], (indices[0] - 1, indices[0] - 2)),
-                    _bound(one, indices[-1], (indices[-1], indices[-1] + 1))]
-            low, high = sorted(ends)
-            found.append((number, min(low[0], values.min()), max(high[0], values.max()),
-                          low[1], high[1], one.cycles))
-    return found
-
-
-def _bound(one: Branch, point: int, positions: tuple[int, int]) -> tuple[float, int]:
-    """What ends a stretch: value and kind; a mere knot only where the multipliers jump there."""
-    met = [special for position in positions for at, special in
-           zip(one.positions, one.specials, strict=True) if at == position]
-    met.sort(key=lambda special: special.kind is Kind.KNOT)
-    return (met[0].value, int(met[0].kind)) if met else (one.points[point].value, 0)

@@ -1,43 +1,88 @@
-"""Branches from the motions that a sweep finds: a bifurcation diagram as a table."""
+"""Branches from the motions that sweeps and starts find: a bifurcation diagram as a table."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lapwing.base import arguments
 from lapwing.base.arguments import Refusals
-from lapwing.base.codes import MotionState
+from lapwing.base.codes import FoundFrom, FoundMotion
+from lapwing.base.threads import checked_threads
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.transmission_error import TransmissionError
-from lapwing.studies.branch.motion.witness import states_at
+from lapwing.studies.branch.collection import Collection, Match
+from lapwing.studies.branch.ranges import BEYOND, SLOWLY, stable_ranges
 from lapwing.studies.branch.run import Branch, branch
-from lapwing.studies.branch.seeds import MOST_CYCLES, find
-from lapwing.studies.branch.special import Kind, Outcome
+from lapwing.studies.branch.seeds import MOST_CYCLES, Motion, Search, find, followed_on
 from lapwing.studies.critical.starts import StartGrid
 from lapwing.studies.orbit import NoOrbit, find_orbit
-from lapwing.studies.sweep.varied import oscillator_at, parameters
+from lapwing.studies.sweep.varied import parameters
 
 if TYPE_CHECKING:
     import xarray as xr
 
-# Two motions whose states differ by less, parts of the motion's size, are one.
-ONE_MOTION = 1e-7
+# How many times it is looked what becomes of motions where branches end.
+MOST_TURNS = 5
+# Part of the progress that looking for motions is taken to be.
+LOOKING = 0.2
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is to be followed.
+
+    Attributes
+    ----------
+    search : Search, whose values' ends are the range
+    doublings : int, how many times over branches of twice the period are followed
+    points : int, the most points of a branch either way
+    """
+
+    search: Search
+    doublings: int
+    points: int
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Ends of the range."""
+        return float(self.search.values[0]), float(self.search.values[-1])
+
+
+@dataclass
+class Found:
+    """Motions, branches, and which motion lies where.
+
+    Attributes
+    ----------
+    motions : list of Motion
+    branches : list of Branch, shorter repetitions first, then by the least value
+    on : list of Match or None, of each motion, where it lies
+    """
+
+    motions: list[Motion]
+    branches: list[Branch] = field(default_factory=list)
+    on: list[Match | None] = field(default_factory=list)
 
 
 def branches(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torque", low: float,
-             high: float, seeds: int = 41, starts: StartGrid | None = None, settle: int = 400,
-             doublings: int = 2, points: int = 2000,
-             progress: Callable[[float], None] | None = None, **operation: Any) -> xr.Dataset:
+             high: float, seeds: int = 41, starts: StartGrid | None = None,
+             random_starts: int = 0, random_seed: int = 0, settle: int = 400,
+             highest_period: int = MOST_CYCLES, doublings: int = 2, points: int = 2000,
+             threads: int | None = None, progress: Callable[[float], None] | None = None,
+             **operation: Any) -> xr.Dataset:
     """The branches of the periodic motions that sweeps find, each followed to both of its ends.
 
-    1. Motions at `seeds` values from `low` to `high`: from rest, carried both ways, and from a grid
-       of starts at each value.
-    2. Each periodic one (up to 24 mesh cycles) that lies on no branch yet begins one.
+    1. Motions at `seeds` values from `low` to `high`: from rest, carried both ways, from a grid of
+       starts and from random starts at each value.
+    2. Each periodic one (up to `highest_period`) that lies on no branch yet begins one.
     3. At each period doubling the branch of twice the period is followed, so many times over.
+    4. A little beyond each end of a range in which a motion is stable, what becomes of it is looked
+       at, and may begin a branch, too.
+    5. Of two branches that are one, by their points, one is kept.
 
     A motion that no such branch reaches is not in the diagram: what is not shown may exist.
 
@@ -49,9 +94,12 @@ def branches(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_t
     low, high : float, range of the parameter
     seeds : int, values of the sweep
     starts : StartGrid or None, of each value; None: rest and the carried motions alone
+    random_starts, random_seed : int, starts drawn at each value besides, and what decides them
     settle : int, mesh cycles at each value before a motion is looked at
+    highest_period : int, mesh cycles, at most 24; longer ones count as without period
     doublings : int, how many times a branch of twice the period is followed
     points : int, the most points of a branch either way
+    threads : int or None; no result depends on it
     progress : callable(fraction done) or None
     **operation : the other arguments of `GearPair.oscillator`
 
@@ -66,32 +114,103 @@ def branches(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_t
     """
     from lapwing.studies.branch.diagram import table
 
-    low, high, numbers = _checked(pair, te, parameter, low, high, starts, progress, {
-        "seeds": (seeds, 2), "settle": (settle, 1), "doublings": (doublings, 0),
-        "points": (points, 1)})
-    make = partial(oscillator_at, pair, te, parameter, operation=operation)
-    values = np.linspace(low, high, numbers["seeds"])
-    looked = find(pair, te, parameter, values, operation, starts, numbers["settle"])
-    found: list[Branch] = []
-    lost = 0
-    for count, seed in enumerate(looked.seeds):
-        if not on_one(found, seed.value, seed.state, seed.cycles):
-            try:
-                orbit = find_orbit(make(seed.value), seed.state, seed.cycles)
-                one = branch(orbit, make, value=seed.value, low=low, high=high,
-                             points=numbers["points"])
-                found += [one, *_doubled(one, numbers["doublings"], numbers["points"])]
-            except NoOrbit:
-                lost += 1
+    request = _checked(pair, te, parameter, low, high, starts, progress, {
+        "seeds": (seeds, 2), "random_starts": (random_starts, 0), "random_seed": (random_seed, 0),
+        "settle": (settle, 1), "highest_period": (highest_period, 1), "doublings": (doublings, 0),
+        "points": (points, 1)}, checked_threads(threads), operation)
+    return table(request, followed(request, progress))
+
+
+def followed(request: Request, progress: Callable[[float], None] | None = None) -> Found:
+    """Motions looked for, and the branches that they lie on."""
+    def told(fraction: float) -> None:
         if progress is not None:
-            progress((count + 1) / len(looked.seeds))
-    return table(found, parameter, low, high, values, looked).assign_attrs(
-        settle=numbers["settle"], doublings=numbers["doublings"], lost=lost)
+            progress(LOOKING + (1 - LOOKING) * fraction)
+
+    search, known = request.search, Collection()
+    found = Found(find(search, progress and (lambda part: progress(LOOKING * part))))
+    looked = 0
+    for turn in range(MOST_TURNS + 1):
+        seeds = [k for k in range(looked, len(found.motions))
+                 if found.motions[k].kind is FoundMotion.PERIODIC]
+        looked = len(found.motions)
+        found.on += [None] * (looked - len(found.on))
+        if turn == MOST_TURNS:
+            for k in seeds:
+                found.on[k] = _on(known, found.motions[k])
+            break
+        for count, k in enumerate(_spread(seeds)):
+            found.on[k] = _placed(request, known, found.motions[k])
+            told((turn + (count + 1) / (len(seeds) + 1)) / MOST_TURNS)
+        for _ in range(request.doublings):
+            for one, special in known.doublings(search.highest):
+                try:
+                    known.add(one.switched(special, request.points))
+                except (NoOrbit, ArithmeticError):
+                    continue
+        found.motions += _beyond_ends(search, known, found.motions)
+        if len(found.motions) == looked:
+            break
+    found.branches = sorted(known.branches, key=lambda one: (one.cycles, one.values.min()))
+    # A branch that another one contains has made room for it.
+    left = {id(one) for one in found.branches}
+    for k, match in enumerate(found.on):
+        if match is not None and id(match.branch) not in left:
+            found.on[k] = _on(known, found.motions[k])
+    told(1.0)
+    return found
+
+
+def _beyond_ends(search: Search, known: Collection, motions: Sequence[Motion]) -> list[Motion]:
+    """What becomes of motions a little beyond the ends of stable ranges, at values not seen yet."""
+    low, high = float(search.values[0]), float(search.values[-1])
+    tried = {one.value for one in motions if one.begun is FoundFrom.END}
+    begun = []
+    for stretch in stable_ranges(known.branches):
+        one = known.branches[stretch.branch - 1]
+        for end, way in ((stretch.low, -1), (stretch.high, 1)):
+            value = end.value + way * BEYOND * (high - low)
+            if low < value < high and value not in tried:
+                at = min((stretch.first, stretch.last), key=lambda k: abs(one.values[k] - value))
+                begun.append((value, one.state(one.points[at])))
+                tried.add(value)
+    return followed_on(search, begun, SLOWLY)
+
+
+def _spread(seeds: Sequence[int]) -> list[int]:
+    """Each number once, those that follow each other far apart: halves, quarters, ..."""
+    bits = max(1, len(seeds) - 1).bit_length()
+    order = (int(f"{k:0{bits}b}"[::-1], 2) for k in range(1 << bits))
+    return [seeds[k] for k in order if k < len(seeds)]
+
+
+def _on(known: Collection, motion: Motion) -> Match | None:
+    return known.match(motion.value, np.array(motion.state[1:]), motion.cycles)
+
+
+def _placed(request: Request, known: Collection, motion: Motion) -> Match | None:
+    """Where a periodic motion lies, on a new branch if on none; None where it begins none."""
+    match = _on(known, motion)
+    if match is not None:
+        return match
+    search, (low, high) = request.search, request.range
+    try:
+        orbit = find_orbit(search.oscillator(motion.value), motion.state, motion.cycles)
+        exact = Motion(motion.value, motion.kind, motion.begun, orbit.cycles, orbit.state)
+        match = _on(known, exact)
+        if match is None:
+            known.add(branch(orbit, search.oscillator, value=motion.value, low=low, high=high,
+                             points=request.points))
+            match = _on(known, exact)
+    except NoOrbit:
+        return None
+    return match
 
 
 def _checked(pair: Any, te: Any, parameter: Any, low: Any, high: Any, starts: Any, progress: Any,
-             whole: dict[str, tuple[Any, int]]) -> tuple[float, float, dict[str, int]]:
-    """Range and whole numbers, or every problem at once."""
+             whole: dict[str, tuple[Any, int]], threads: int,
+             operation: dict[str, Any]) -> Request:
+    """The request, or every problem at once."""
     taken = Refusals()
     taken.take(arguments.instance, "pair", pair, GearPair)
     taken.take(arguments.instance, "te", te, TransmissionError)
@@ -100,40 +219,16 @@ def _checked(pair: Any, te: Any, parameter: Any, low: Any, high: Any, starts: An
         taken.take(arguments.instance, "starts", starts, StartGrid)
     ends = [taken.take(arguments.real, name, value) for name, value in
             (("low", low), ("high", high))]
-    numbers = {name: taken.take(arguments.whole, name, value, least, 1_000_000)
+    numbers = {name: taken.take(arguments.whole, name, value, least,
+                                MOST_CYCLES if name == "highest_period" else 1_000_000)
                for name, (value, least) in whole.items()}
     if progress is not None:
         taken.take(arguments.function, "progress", progress)
     if None not in ends and not ends[0] < ends[1]:
         taken.problems.append(f"low = {ends[0]:g} must be below high = {ends[1]:g}")
     taken.raise_if_any("branches")
-    return ends[0], ends[1], numbers
-
-
-def on_one(found: Sequence[Branch], value: float, state: tuple[MotionState, float, float],
-           cycles: int) -> bool:
-    """Whether a motion lies on one of some branches."""
-    for one in found:
-        if one.cycles != cycles:
-            continue
-        for point in one.at(value):
-            strobed = states_at(one.follower.problem, point.place.layout, point.place.z,
-                                np.arange(cycles, dtype=float))
-            away = np.hypot(strobed[1] - state[1], strobed[2] - state[2])
-            if np.min(away) < ONE_MOTION * one.follower.problem.scale:
-                return True
-    return False
-
-
-def _doubled(one: Branch, doublings: int, points: int) -> Iterator[Branch]:
-    """Branches that leave a branch at its doublings, and those that leave these."""
-    if not doublings or 2 * one.cycles > MOST_CYCLES:
-        return
-    for special in one.of_kind(Kind.PERIOD_DOUBLING):
-        if special.outcome is Outcome.PERSISTS:
-            try:
-                twice = one.switched(special, points)
-            except (NoOrbit, ArithmeticError):
-                continue
-            yield twice
-            yield from _doubled(twice, doublings - 1, points)
+    search = Search(
+        pair, te, parameter, np.linspace(ends[0], ends[1], numbers["seeds"]), operation, starts,
+        numbers["random_starts"], numbers["random_seed"], numbers["settle"],
+        numbers["highest_period"], threads=threads)
+    return Request(search, numbers["doublings"], numbers["points"])

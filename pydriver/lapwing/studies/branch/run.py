@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -80,24 +81,37 @@ class Branch:
         return find_orbit(self.follower.problem.oscillator(point.value), self.state(point),
                           point.place.layout.cycles)
 
+    @cached_property
+    def strobed(self) -> tuple[NDArray[Any], ...]:
+        """φ and φ' at phase 0 of each mesh cycle of each point: arrays (2, cycles)."""
+        phases = np.arange(self.cycles, dtype=float)
+        return tuple(np.array(states_at(self.follower.problem, one.place.layout, one.place.z,
+                                        phases)[1:]) for one in self.points)
+
+    def passes(self, value: float) -> list[tuple[int, int]]:
+        """Numbers of the points between which the branch passes a value, the nearer one first."""
+        away = self.values - value
+        away[np.abs(away) < ROUNDED * self.follower.problem.unit] = 0.0
+        found = [(int(k), int(k)) for k in np.flatnonzero(away == 0)]
+        found += [(int(k), int(k) + 1) if abs(away[k]) < abs(away[k + 1]) else (int(k) + 1, int(k))
+                  for k in np.flatnonzero(away[:-1] * away[1:] < 0)]
+        return sorted(found)
+
+    def near(self, number: int, value: float) -> Point | None:
+        """The branch at a value that it passes next to a point of it."""
+        problem, place = self.follower.problem, self.points[number].place
+        z = place.z.copy()
+        z[-1] = value / problem.unit
+        try:
+            z = at_value(problem, place.layout, z)
+        except NotCorrected:
+            return None
+        return self.follower.point(Place(place.layout, z, place.tangent))
+
     def at(self, value: float) -> tuple[Point, ...]:
         """The branch at one value of the parameter: a point for each time that it passes it."""
-        problem, found = self.follower.problem, []
-        away = self.values - value
-        away[np.abs(away) < ROUNDED * problem.unit] = 0.0
-        for k in range(len(away)):
-            last = away[k - 1] if k else math.nan
-            if away[k] != 0 and not away[k] * last < 0:
-                continue
-            place = self.points[k if not abs(last) < abs(away[k]) else k - 1].place
-            z = place.z.copy()
-            z[-1] = value / problem.unit
-            try:
-                z = at_value(problem, place.layout, z)
-            except NotCorrected:
-                continue
-            found.append(self.follower.point(Place(place.layout, z, place.tangent)))
-        return tuple(found)
+        found = (self.near(number, value) for number, _ in self.passes(value))
+        return tuple(one for one in found if one is not None)
 
     def switched(self, special: Special, points: int = 2000) -> Branch:
         """The branch of twice the period that leaves this one at a period doubling.

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lapwing.studies.branch.borders import (
+from lapwing.studies.branch.motion.borders import (
     Borders,
     Condition,
     border_values,
@@ -25,6 +25,8 @@ from lapwing.studies.branch.motion.curve import (
     corrected,
     monodromy,
     multipliers_of,
+    rounding,
+    spread,
     tangent_at,
 )
 from lapwing.studies.branch.motion.layout import Layout
@@ -52,13 +54,17 @@ NOT_ZERO = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class Crossing:
-    """A border that a step passes: where, and which one. `turn` for a flank touched on the way."""
+    """A border that a step passes: where, and which one. `turn` for a flank touched on the way.
+
+    `error` is by how much the parameter may be off.
+    """
 
     at: float
     place: Place
     condition: Condition | None
     event: int
     turn: Turn | None = None
+    error: float = math.nan
 
 
 @dataclass(eq=False)
@@ -101,25 +107,34 @@ class Follower:
             z, _ = corrected(self.problem, layout, z, weights * place.tangent)
         return self.place(layout, z, place.tangent), count
 
-    def root(self, place: Place, step: float, value: Callable[[Place], float]) -> Place:
-        """Where a function of the place is zero between 0 and a step that it changes sign over."""
+    def root(self, place: Place, step: float,
+             value: Callable[[Place], float]) -> tuple[Place, float]:
+        """Where a function of the place is zero between 0 and a step that it changes sign over.
+
+        Returns
+        -------
+        the place, and by how much its parameter may be off (`spread`, `rounding`)
+        """
         from scipy.optimize import brentq
 
-        best: list[tuple[float, Place]] = []
+        tried: list[tuple[float, float, Place]] = []
 
         def at(s: float) -> float:
             there = self.ahead(place, s, 20)[0] if s else place
             found = value(there)
             if not math.isfinite(found):
                 raise NotCorrected("no value")
-            best.append((abs(found), there))
+            tried.append((s, found, there))
             return found
 
         try:
             brentq(at, 0.0, step, xtol=1e-16 * max(1.0, abs(step)) + 1e-17, rtol=8.9e-16)
         except ValueError:
             raise NotCorrected("no change of sign") from None
-        return min(best, key=lambda one: one[0])[1]
+        s, found, there = min(tried, key=lambda one: abs(one[1]))
+        off = spread(tried, s, abs(found), float(there.tangent[-1])) + rounding(
+            self.problem, there.layout, there.z, there.tangent)
+        return there, off * self.problem.unit
 
     def borders_passed(self, place: Place, borders: Borders, ahead: Place,
                        step: float) -> list[Crossing]:
@@ -132,9 +147,10 @@ class Follower:
             def value(p: Place, one: Borders = one) -> float:
                 return float(border_values(self.problem, p.layout, p.z, one)[0])
 
-            there = self.root(place, step, value)
+            there, error = self.root(place, step, value)
             found.append(Crossing(self._along(place, there), there,
-                                  Condition(int(borders.condition[m])), int(borders.event[m])))
+                                  Condition(int(borders.condition[m])), int(borders.event[m]),
+                                  error=error))
         return found
 
     def _along(self, place: Place, there: Place) -> float:
@@ -158,11 +174,11 @@ class Follower:
                 seed[0] = phase
                 return distance
 
-            there = self.root(place, step, value)
+            there, error = self.root(place, step, value)
             phase = distance_at_turn(self.problem, there.layout, there.z,
                                      replace(turn, phase=seed[0]))[1]
             found.append(Crossing(self._along(place, there), there, None, turn.arc,
-                                  replace(turn, phase=phase)))
+                                  replace(turn, phase=phase), error))
         return found
 
     def smooth(self, before: Point, after: Point, step: float) -> Iterator[tuple[float, Special]]:
@@ -177,14 +193,14 @@ class Follower:
                 return self.point(p).monitors()[kind]
 
             try:
-                there = self.root(before.place, step, value)
+                there, error = self.root(before.place, step, value)
             except NotCorrected:
                 continue
             if abs(value(there)) > NOT_ZERO:  # at a border the trace passes infinity
                 continue
-            yield self._along(before.place, there), self.named(there, kind)
+            yield self._along(before.place, there), self.named(there, kind, error)
 
-    def named(self, place: Place, kind: Kind) -> Special:
+    def named(self, place: Place, kind: Kind, error: float) -> Special:
         """A smooth special point."""
         point = self.point(place)
         words, outcome = WORDS[kind], Outcome.PERSISTS
@@ -193,8 +209,8 @@ class Follower:
             if _halves_alike(place):
                 kind, outcome = Kind.PERIOD_DOUBLING, Outcome.ENDS
                 words = "meets the branch of half its period"
-        return Special(kind, outcome, point.value, 1e-12 * self.problem.unit, words, 0, math.nan,
-                       place, point.multipliers)
+        return Special(kind, outcome, point.value, error, words, 0, math.nan, place,
+                       point.multipliers)
 
     def between(self, before: Point, ahead: Place) -> list[Special]:
         """Smooth special points between two places of one curve, in their order."""
@@ -369,5 +385,6 @@ def _same_place(follower: Follower, one: Place, two: Place, step: float) -> bool
 
 
 def _ended(point: Point, kind: Kind, words: str) -> Special:
-    return Special(kind, Outcome.ENDS, point.value, math.nan, words, 0, math.nan, point.place,
+    error = 0.0 if kind is Kind.LIMIT else math.nan
+    return Special(kind, Outcome.ENDS, point.value, error, words, 0, math.nan, point.place,
                    point.multipliers)

@@ -20,6 +20,8 @@ MOST_CORRECTIONS = 12
 # and leaves the equations off by no more than `SOLVED`: close to where branches cross the matrix
 # is nearly singular and magnifies the last digits.
 DONE, CLOSE, SOLVED = 1e-14, 1e-8, 1e-11
+# What some roundings make of a number of size one.
+ROUNDING = 1e-15
 # Larger systems are solved as sparse ones, by one thread.
 MOST_DENSE = 40
 # Part of the parameter's scale over which the equations are differenced: error 1e-10 of the
@@ -140,7 +142,8 @@ class Bordered:
             matrix[:-1, -1], matrix[-1] = by_value, row
             with np.errstate(all="ignore"):
                 factors = lu_factor(matrix, check_finite=False)
-            self._solve: Any = lambda right: lu_solve(factors, right, check_finite=False)
+            self._solve: Any = lambda right, transposed: lu_solve(
+                factors, right, trans=int(transposed), check_finite=False)
         else:
             from scipy.sparse import coo_matrix, vstack
             from scipy.sparse.linalg import splu
@@ -153,12 +156,12 @@ class Bordered:
                 factors = splu(vstack([top, row[None]]).tocsc())
             except RuntimeError as error:
                 raise NotCorrected(str(error)) from None
-            self._solve = factors.solve
+            self._solve = lambda right, transposed: factors.solve(right, "NT"[transposed])
 
-    def solve(self, right: NDArray[Any]) -> NDArray[Any]:
-        """Solution; NotCorrected where there is none."""
+    def solve(self, right: NDArray[Any], transposed: bool = False) -> NDArray[Any]:
+        """Solution, of the transposed matrix if asked for; NotCorrected where there is none."""
         with np.errstate(all="ignore"):
-            found: NDArray[Any] = self._solve(right)
+            found: NDArray[Any] = self._solve(right, transposed)
         if not np.all(np.isfinite(found)):
             raise NotCorrected("singular equations")
         return found
@@ -199,6 +202,42 @@ def corrected(problem: Problem, layout: Layout, z: NDArray[Any], row: NDArray[An
     if before < CLOSE and np.max(np.abs(problem.residual(layout, z))) < SOLVED:
         return z, most
     raise NotCorrected(f"still off by {before:.1e}")
+
+
+def rounding(problem: Problem, layout: Layout, z: NDArray[Any], row: NDArray[Any]) -> float:
+    """By how much a corrected parameter, scaled, may be off by rounding.
+
+    Each equation is taken to be off by as much as the worst of them, or by the roundings of a
+    phase: what a further correction finds of that is more or less by chance.
+    """
+    found, one, two = problem.by_events(layout, z)
+    by_value = problem.by_value(layout, z)
+    bordered = Bordered(one, two, by_value, problem.weights(layout) * row)
+    size = max(float(np.max(np.abs(found))), ROUNDING * float(np.max(np.abs(z))))
+    last = np.zeros(2 * layout.n + 1)
+    last[-1] = 1.0
+    influence = bordered.solve(last, transposed=True)[:-1]
+    return size * float(np.linalg.norm(influence)) + ROUNDING * abs(float(z[-1]))
+
+
+def spread(tried: list[tuple[float, float, Place]], s: float, left: float,
+           direction: float) -> float:
+    """By how much the parameter of a root may be off, from the values that led to it.
+
+    The root lies between the nearest values of either sign; what is left of the function there,
+    over its slope, is what its rounding hides. Along the curve the parameter moves with its
+    direction, and at a fold with the square of the way alone.
+    """
+    sides = [min((abs(one - s) for one, found, _ in tried if sign * found >= 0), default=0.0)
+             for sign in (1, -1)]
+    away = max(tried, key=lambda one: abs(one[0] - s))
+    far = min((one for one in tried if abs(one[0] - s) > 1e-4 * abs(away[0] - s)),
+              key=lambda one: abs(one[0] - s))
+    way = far[0] - s
+    slope = abs(far[1] / way) if way else 0.0
+    length = max(sides) + (left / slope if slope else 0.0)
+    bend = abs((float(far[2].tangent[-1]) - direction) / way) if way else 0.0
+    return abs(direction) * length + 0.5 * bend * length**2
 
 
 def tangent_at(problem: Problem, layout: Layout, z: NDArray[Any],

@@ -10,23 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lapwing.base.codes import BranchEvent as Happening
 from lapwing.base.codes import EventKind
 from lapwing.model.oscillator import Oscillator
 from lapwing.studies.branch.motion.flank_motion import FlankMotion
 
-
-class Happening(IntEnum):
-    """What an event of a continued motion is.
-
-    `GO_ON` is an arrival after which the tooth stays in the flank; `AT_KINK` a release from a rigid
-    flank at a knot, or an impact there, as its slope or curvature jumps.
-    """
-
-    REBOUND = 0
-    GO_ON = 1
-    RELEASE = 2
-    CHATTER_END = 3
-    AT_KINK = 4
+__all__ = ["Arc", "Happening", "Layout", "of_log", "of_parts"]
 
 
 class Arc(IntEnum):

@@ -1,0 +1,90 @@
+"""Keys of &branches: what is continued, and the motions it begins with."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from lapwing.base import estimates
+from lapwing.deck.checks.ranges import range_values
+from lapwing.deck.deck import Asked
+from lapwing.deck.declare import (
+    NAME_PATTERN,
+    RANGES,
+    StudyKeys,
+    ValueKeys,
+    figures_key,
+    figures_of,
+    key,
+    parameter_name,
+)
+
+if TYPE_CHECKING:
+    from lapwing.deck.checks.assemble import Studies
+    from lapwing.deck.load import _GroupReader
+
+
+class BranchesKeys(ValueKeys, StudyKeys):
+    """Periodic motions followed along one parameter, stable or not."""
+
+    title = "periodic motions followed along one parameter; any number of them"
+    chosen: ClassVar[tuple[str, ...]] = ("from", "to", "count")
+    exclusive: ClassVar[tuple[Any, ...]] = (("values", "from"),)
+    default_rtol: ClassVar[float] = 1e-8
+
+    name: str = key(text="names its figure and its part of the summary; letters, digits, . _ -",
+                    example="torque", pattern=NAME_PATTERN, max_length=64)
+    parameter: str = key("brake_torque", "a real number of &gear_pair or &operation; between the "
+                         "least and the greatest value branches are followed, at the values "
+                         "motions are looked for: from rest, carried both ways, from random "
+                         "starts; those of the deck's sweeps along it are taken as well")
+    random_starts: int = key(8, "starts drawn at each value", ge=0, le=10_000)
+    random_seed: int = key(0, "decides them", ge=0, le=2**31 - 2)
+    settle_cycles: int = key(400, "mesh cycles before a motion is looked at", ge=1, le=10_000_000)
+    highest_period: int = key(24, "mesh cycles after which a motion must repeat to begin a branch",
+                              ge=1, le=24)
+    doublings: int = key(2, "how many times over the branch that leaves at a period doubling is "
+                         "followed", ge=0, le=10)
+    most_points: int = key(2000, "points of a branch either way, at most", ge=10, le=1_000_000)
+    rtol: float | None = key(None, "relative tolerance with which motions are looked for; left "
+                             "out: that of &numerics, else 1e-8; branches have none",
+                             example=1e-8, ge=1e-13, le=1e-2)
+    figures: figures_of("branches") | None = figures_key()  # type: ignore[valid-type]
+
+    def build(self, builder: Studies, reader: _GroupReader) -> Asked | None:
+        """See `StudyKeys`: two values at least, oscillators at both ends of them."""
+        report, name = builder.report, parameter_name(self.parameter)
+        group = builder.parameter(reader, name)
+        if self.values is None and self.from_ is None:
+            report.add(reader.place, "&branches lacks one of values, from")
+            return None
+        values = range_values(reader, report)
+        if group is None or values is None:
+            return None
+        name = name.rpartition(".")[2]
+        place = reader.places.get("values") or reader.places["from"]
+        if len(values) < 2:
+            report.add(place, "one value, expected two or more: branches are followed between them")
+            return None
+        builder.check_values(reader, name, group, values)
+        if not builder.ready:
+            return None
+        operation = {k: v for k, v in builder.operation.items() if k != name}
+        if operation.get("degrees_of_freedom") == 2:
+            report.add(place, "&branches goes with degrees_of_freedom = 1")
+        builder.check_ends(reader, {name: (group, values)}, operation)
+        return Asked("branches", self, operation, builder.rtol(reader),
+                     {"parameter": name, "group": group, "values": values})
+
+    def used(self, asked: Asked) -> dict[str, Any]:
+        """See `StudyKeys`."""
+        return super().used(asked) | ({"spacing": None} if self.values is not None else {})
+
+    def canonical(self, values: dict[str, Any], asked: Asked) -> dict[str, Any]:
+        """See `StudyKeys`: the range written out."""
+        values = {name: value for name, value in values.items() if name not in RANGES}
+        return values | {"values": asked.values.tolist(), "parameter": asked.parameter}
+
+    def memory(self, asked: Asked) -> tuple[int, str]:
+        """See `StudyKeys`: of the sweep that motions are looked for with."""
+        return (estimates.sweep_bytes(3 * asked.values.size, 48),
+                "the number of values")

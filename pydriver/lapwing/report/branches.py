@@ -1,0 +1,208 @@
+"""What a bifurcation diagram says in words: where rattling ends, by which event, how sure it is."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from lapwing.base.codes import FoundFrom, FoundMotion, SpecialPoint
+from lapwing.report.words import markdown, parameter_unit, parameter_words, plural
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from lapwing.results import Results
+
+# What happens at an end, in a sentence.
+EVENTS = {
+    SpecialPoint.FOLD: "a fold: a stable motion meets an unstable one",
+    SpecialPoint.PERIOD_DOUBLING: "a period doubling",
+    SpecialPoint.TORUS: "a pair of multipliers of magnitude one",
+    SpecialPoint.BRANCH_POINT: "a crossing of branches",
+    SpecialPoint.GRAZING: "a grazing: an arrival without speed is born or lost",
+    SpecialPoint.RELEASE: "a release is born or lost",
+    SpecialPoint.REBOUND: "a rebound without speed, where the map jumps",
+    SpecialPoint.CHATTER: "a chatter that is no longer complete",
+    SpecialPoint.KINK: "an impact upon a kink of the transmission error",
+    SpecialPoint.KNOT: "an event upon a jump of the curvature",
+    SpecialPoint.APERIODIC: "the end of a motion without a period, a bracket",
+    SpecialPoint.LIMIT: "the end of the values looked at, not of the rattling",
+    SpecialPoint.POINTS: "the end of the points asked for, not of the rattling",
+    SpecialPoint.UNRESOLVED: "an event that was not resolved",
+    SpecialPoint.NONE: "contact is kept from here on"}
+# Ends that are none of the rattling.
+OPEN = (SpecialPoint.LIMIT, SpecialPoint.POINTS)
+# Rows of a table; digits of a value, at most.
+MOST_ROWS, DIGITS = 12, 13
+
+
+class _End(NamedTuple):
+    value: float
+    error: float
+    kind: SpecialPoint
+    branch: int
+
+    def words(self, data: xr.Dataset) -> str:
+        """Value, event and branch."""
+        unit = parameter_unit(data.attrs["parameter"])
+        of = f" (branch {self.branch})" if self.branch else ""
+        return f"{exactly(self.value, self.error)} {unit}".rstrip() + f", {EVENTS[self.kind]}{of}"
+
+
+def exactly(value: float, error: float) -> str:
+    """A value to the digits that its error leaves, and the error where it is known and not zero."""
+    if not error > 0:
+        return f"{value:.{DIGITS}g}"
+    step = 10.0 ** math.floor(math.log10(error))
+    up = step * math.ceil(error / step * (1 - 1e-12))
+    digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(up)) + 1 if value else 4
+    return f"{value:.{min(max(digits, 4), DIGITS)}g} ± {up:.1g}"
+
+
+def section(diagrams: list[xr.Dataset], results: Results) -> list[str]:
+    """The summary's part on branches; see `registry`."""
+    return [line for one in diagrams
+            for line in ("", f"## Branches {one.attrs['name']}", "", *branches_text(one))]
+
+
+def headline(data: xr.Dataset) -> str:
+    """Branches, and where rattling ends."""
+    count = int(data["branch"].values.max(initial=0))
+    known = plural(count, "branch").replace("branchs", "branches")
+    last = _intervals(data)[-1:]
+    end = f"; rattling ends at {last[0][1].words(data)}" if last else \
+        "; no rattling was found above T_full" if "kept" in data.attrs else ""
+    return f"{known} of periodic motions along the {parameter_words(data.attrs['parameter'])}{end}"
+
+
+def findings(data: xr.Dataset) -> list[str]:
+    """Where rattling ends and why, and where raised slowly it dies; none without T_full."""
+    if "kept" not in data.attrs:
+        return []
+    rows, name = _intervals(data), data.attrs.get("name", "")
+    if not rows:
+        return [f"**No rattling above {data.attrs['kept']:.10g} N·m** among the motions looked at "
+                f"and their branches (branches `{name}`)."]
+    last = rows[-1][1]
+    said = f"**Rattling ends at T_safe = {last.words(data)}" if last.kind not in OPEN else \
+        f"**Rattling reaches {last.value:g} N·m**, {EVENTS[last.kind]}"
+    said += "**" * (last.kind not in OPEN)
+    said += ", as far as motions were found; from "
+    said += f"{max(data.attrs['kept'], data.attrs['low']):.10g} N·m on it was found in "
+    said += "one interval" if len(rows) == 1 else f"{len(rows)} intervals with gaps between them"
+    return [f"{said}. {_dies(data)}".rstrip()]
+
+
+def branches_text(data: xr.Dataset) -> list[str]:
+    """Findings of one diagram: the answer first, intervals, stable ranges, what it rests on.
+
+    Parameters
+    ----------
+    data : xarray.Dataset, group `branches_<name>` of a result file
+
+    Returns
+    -------
+    list of str, lines of Markdown
+    """
+    lines = [f"- {line}" for line in findings(data)]
+    rows = _intervals(data)
+    lines += [f"- {_extent(data)}", f"- {_searched(data)}", f"- {_missed(data)}"]
+    if rows:
+        unit = parameter_unit(data.attrs["parameter"])
+        lines += ["", *markdown([(f"rattling from ({unit})", "begins with", f"to ({unit})",
+                                  "ends with"), *(_row(*row) for row in rows)])]
+    ranges = _ranges(data)
+    return lines + (["", *ranges] if ranges else [])
+
+
+def _row(low: _End, high: _End) -> tuple[str, ...]:
+    return tuple(text for end in (low, high)
+                 for text in (exactly(end.value, end.error), EVENTS[end.kind]
+                              if end is high or end.kind is not SpecialPoint.NONE else "T_full"))
+
+
+def _intervals(data: xr.Dataset) -> list[tuple[_End, _End]]:
+    """Ends of the intervals of rattling, ascending."""
+    if "rattling_low" not in data:
+        return []
+    ends = [[_End(float(value), float(error), SpecialPoint(int(kind)), int(branch))
+             for value, error, kind, branch in zip(
+                 *(data[f"rattling_{end}{part}"].values
+                   for part in ("", "_error", "_kind", "_branch")), strict=True)]
+            for end in ("low", "high")]
+    return list(zip(*ends, strict=True))
+
+
+def _dies(data: xr.Dataset) -> str:
+    """Where rattling that is raised slowly dies."""
+    attrs = data.attrs
+    if "dies" not in attrs:
+        return "Where rattling dies that is raised slowly is not known: none was carried up to it."
+    end = _End(float(attrs["dies"]), float(attrs["dies_error"]),
+               SpecialPoint[str(attrs["dies_kind"]).upper()], int(attrs["dies_branch"]))
+    if end.kind in OPEN:
+        return f"Raised slowly it does not die up to {end.value:g} N·m."
+    return f"Raised slowly it dies at {end.words(data)}."
+
+
+def _extent(data: xr.Dataset) -> str:
+    attrs, unit = data.attrs, parameter_unit(data.attrs["parameter"])
+    kinds = [SpecialPoint(int(kind)) for kind in data["special_kind"].values]
+    told = ", ".join(f"{kinds.count(kind)} {kind.name.lower().replace('_', ' ')}"
+                     for kind in SpecialPoint if kind in kinds)
+    span = f"{parameter_words(attrs['parameter'])} {attrs['low']:g} to {attrs['high']:g} {unit}"
+    count = int(data["branch"].values.max(initial=0))
+    return (f"{count} branch{'es' * (count != 1)}, {data.sizes.get('point', 0)} points, "
+            f"{span.rstrip()}; special points by kind: {told or 'none'}")
+
+
+def _searched(data: xr.Dataset) -> str:
+    """The motions looked at, and how many of them lie on branches."""
+    kind, on = data["motion_kind"].values, data["motion_branch"].values > 0
+    counts = {one: int((kind == one).sum()) for one in FoundMotion}
+    periodic = kind == FoundMotion.PERIODIC
+    distance = data["motion_distance"].values[periodic & on]
+    text = (f"{plural(len(kind), 'motion')} looked at, at {data.sizes.get('seed', 0)} values: "
+            f"{counts[FoundMotion.ENGAGED]} in contact throughout, {int(periodic.sum())} periodic "
+            f"(to {data.attrs['highest_period']} mesh cycles), {counts[FoundMotion.APERIODIC]} "
+            "without a period")
+    if distance.size:
+        text += f"; of the periodic ones {int(on[periodic].sum())} lie on a branch, within " \
+                f"{distance.max():.1g} of their size"
+    lost = int((periodic & ~on).sum())
+    return text + f"; **{lost} on none**: what they do is not shown" * bool(lost) \
+        + f"; {counts[FoundMotion.FAILED]} failed" * bool(counts[FoundMotion.FAILED])
+
+
+def _missed(data: xr.Dataset) -> str:
+    """What may have been missed."""
+    each = int(data.attrs["random_starts"])
+    total = int((data["motion_begun"].values == FoundFrom.RANDOM).sum())
+    text = "a branch that no motion looked at leads to is not shown, and not excluded"
+    if not total:
+        return text + ": there were no random starts to bound its share by"
+    return text + (f": with 95 % confidence the share of starts that lead to it is at most "
+                   f"{min(1.0, 3 / each):.2g} at any one value (3/{each}), and at most "
+                   f"{3 / total:.2g} if it is there at all of them (3/{total})")
+
+
+def _ranges(data: xr.Dataset) -> list[str]:
+    """The stable ranges above T_full, or all, those that end last first."""
+    low, high = data["range_low"].values, data["range_high"].values
+    rows = np.flatnonzero(high > data.attrs.get("kept", -math.inf))
+    rows = rows[np.argsort(-high[rows], kind="stable")]
+    if not rows.size:
+        return []
+    unit = parameter_unit(data.attrs["parameter"])
+    names = {end: [SpecialPoint(int(kind)).name.lower().replace("_", " ")
+                   for kind in data[f"range_{end}_kind"].values] for end in ("low", "high")}
+    table: list[Any] = [("branch", "mesh cycles", f"stable from ({unit})", "begins with",
+                         f"to ({unit})", "ends with")]
+    table += [(str(data["range_branch"].values[k]), str(data["range_cycles"].values[k]),
+               f"{low[k]:.10g}", names["low"][k], f"{high[k]:.10g}", names["high"][k])
+              for k in rows[:MOST_ROWS]]
+    more = rows.size - MOST_ROWS
+    return [*markdown(table), *["", f"{more} more stable ranges are in the result file."]
+            * (more > 0)]

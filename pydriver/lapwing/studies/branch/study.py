@@ -1,0 +1,68 @@
+"""Branches as a deck asks for them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lapwing.base.codes import FoundMotion
+from lapwing.engine import Numerics
+from lapwing.studies.branch.diagram import table
+from lapwing.studies.branch.family import Request, followed
+from lapwing.studies.branch.seeds import Search
+from lapwing.studies.critical.starts import StartGrid
+from lapwing.studies.labels import labels
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from lapwing.deck.deck import Asked, Deck
+
+# It begins with the motions of the deck's sweeps and searches, too (`of_deck.compute`).
+TAKES_FOUND = True
+
+
+def extent(_: Asked) -> tuple[int, str]:
+    """How much of it there is to tell progress by, and in what unit."""
+    return 100, "%"
+
+
+def failed(dataset: xr.Dataset) -> str:
+    """What failed numerically, in words; empty text, nothing."""
+    motions = int((dataset["motion_kind"] == FoundMotion.FAILED).sum())
+    return f"branches {{}} ({motions} motions)" * bool(motions)
+
+
+def carry_out(deck: Deck, study: Asked, order: int, threads: int,
+              done: Callable[[float], None] | None,
+              found: Mapping[str, Mapping[str, xr.Dataset]] | None = None) -> xr.Dataset:
+    """The branches of a deck's motions along one parameter; see `registry`."""
+    found = found or {}
+    request = Request(Search(
+        deck.gear_pair, deck.te, study.parameter, study.values, study.operation,
+        random=study.random_starts, seed=study.random_seed, settle=study.settle_cycles,
+        highest=study.highest_period, numerics=Numerics(**deck.numerics_of(study)),
+        threads=threads, sweeps=[one for one in found.get("sweep", {}).values()
+                                 if one["status"].dims[1] == study.parameter],
+        trials=_trials(deck, study, found.get("critical", {}))),
+        study.doublings, study.most_points)
+    return table(request, followed(request, done)).assign_attrs(labels(deck, study))
+
+
+def _trials(deck: Deck, study: Asked,
+            criticals: Mapping[str, xr.Dataset]) -> list[tuple[float, StartGrid]]:
+    """Values at which a search along the parameter met rattling, and its starts."""
+    return [(float(value), StartGrid(*asked.starts)) for asked in deck.criticals
+            if asked.parameter == study.parameter and asked.find == "safe"
+            and not asked.own_operation and asked.name in criticals
+            for one in (criticals[asked.name],)
+            for value in np.unique(one["trial_value"].values[one["trial_rattling"].values > 0])]
+
+
+def estimate(deck: Deck, study: Asked, seconds: float, clock: Any,
+             threads: int) -> tuple[float, float, float, str]:
+    """How long it takes is known by the run alone; as `cost.Stage` has it after its name."""
+    return math.nan, math.nan, 0.0, "how many branches there are, the run tells"

@@ -1,0 +1,141 @@
+"""Branches in a deck: the ball's last motion ends in a fold whose torque has a closed form."""
+
+import math
+
+import numpy as np
+import pytest
+
+import lapwing
+from lapwing.base.codes import FoundFrom, FoundMotion, SpecialPoint
+from lapwing.deck import DeckError, load_deck
+from lapwing.deck.used import used_hash, used_text
+from lapwing.results import read_results
+from lapwing.run import run_deck
+
+EPS, AMPLITUDE, SPEED = 0.8, 1e-5, 80.0
+TEXT = f"""
+&gear_pair
+  pinion_teeth = 25, gear_teeth = 32, pinion_inertia = 0.0078, gear_inertia = 0.026
+  pinion_base_lever = 0.034, mesh_stiffness = 3.12e8, backlash = 0.002
+  restitution = {EPS}, damping_ratio = 0.1
+/
+&transmission_error harmonic_amplitude = {AMPLITUDE} /
+&operation pinion_speed_rad_s = {SPEED} /
+&scene contact_law = 'rigid', gap = 'one_flank' /
+&sweep name = 'torque', parameter = 'brake_torque', values = 0.5, 0.7, settle_cycles = 300 /
+&branches
+  name = 'torque', values = 0.4, 0.8, 1.2, random_starts = 6, highest_period = 4, doublings = 1
+/
+"""
+
+
+@pytest.fixture(scope="module")
+def deck(tmp_path_factory):
+    path = tmp_path_factory.mktemp("branches") / "ball.nml"
+    path.write_text(TEXT, encoding="utf-8")
+    return load_deck(path)
+
+
+@pytest.fixture(scope="module")
+def outcome(deck, tmp_path_factory):
+    return run_deck(deck, tmp_path_factory.mktemp("out"), threads=1, figures="none")
+
+
+@pytest.fixture(scope="module")
+def diagram(outcome):
+    with read_results(outcome.folder / "result.nc") as results:
+        yield results.study("branches", "torque").load()
+
+
+def torques():
+    """T_on, and the torque of the fold of the motion with one impact in every mesh cycle."""
+    osc = lapwing.GearPair(25, 32, 0.0078, 0.026, 0.034, 3.12e8, 0.002, EPS, damping_ratio=0.1)
+    ratio = 25 * SPEED / osc.natural_frequency
+    kept = 1.28 * AMPLITUDE * ratio**2 / osc.force_per_torque
+    return kept, kept / (math.pi * (1 - EPS) / (1 + EPS))
+
+
+def test_rattling_ends_in_the_fold(diagram):
+    kept, fold = torques()
+    assert diagram.attrs["kept"] == pytest.approx(kept, rel=1e-12)
+    high = diagram.isel(rattling=-1)
+    assert float(high["rattling_high"]) == pytest.approx(fold, rel=1e-12)
+    assert int(high["rattling_high_kind"]) == SpecialPoint.FOLD
+    assert abs(float(high["rattling_high"]) - fold) <= float(high["rattling_high_error"]) < 1e-11
+    number = int(high["rattling_high_branch"])
+    mine = diagram["branch"] == number
+    assert set(diagram["cycles"].values[mine.values]) == {1}
+    # From rest the tooth is engaged above T_on: nothing rattles there that could be raised.
+    assert "dies" not in diagram.attrs
+
+
+def test_every_motion_is_told_of(diagram):
+    kind, on = diagram["motion_kind"].values, diagram["motion_branch"].values
+    begun = diagram["motion_begun"].values
+    assert np.array_equal(on > 0, kind == FoundMotion.PERIODIC)
+    assert (diagram["motion_distance"].values[on > 0] < 1e-8).all()
+    # Those of the deck's sweep, at values of its own, the study's own three, and random ones.
+    values = diagram["motion_value"].values
+    assert {0.5, 0.7, 0.4, 0.8, 1.2} <= set(values[begun != FoundFrom.END])
+    assert (begun == FoundFrom.RANDOM).sum() == 18
+    counts = {name: int(diagram[f"seed_{name}"].sum()) for name in ("motions", "engaged")}
+    looked = begun != FoundFrom.END
+    assert counts == {"motions": looked.sum(),
+                      "engaged": (kind[looked] == FoundMotion.ENGAGED).sum()}
+
+
+def test_events_are_those_of_the_points(diagram):
+    """One impact a cycle: -g' = (PF/2)(1-ε)/(1+ε) at each event of the stable branch."""
+    point = int(np.flatnonzero((diagram["stable"] > 0) & (diagram["cycles"] == 1)
+                               & (diagram["arrivals"] == 1))[0])
+    event = np.flatnonzero(diagram["event_point"].values == point)
+    assert event.size == 1
+    phase, torque = (float(diagram[name].values[at]) for name, at in
+                     (("event_phase", event[0]), ("value", point)))
+    kept, _ = torques()
+    sine = math.pi * (1 - EPS) / (1 + EPS) * torque / kept
+    assert math.sin(2 * math.pi * phase) == pytest.approx(sine, abs=1e-12)
+
+
+def test_what_is_said(outcome, diagram):
+    _, fold = torques()
+    text = (outcome.folder / "summary.md").read_text(encoding="utf-8")
+    digits = f"{math.floor(fold * 1e10) / 1e10:.10f}"
+    answer = f"**Rattling ends at T_safe = {digits}"
+    assert text.count(answer) == 2  # in the findings, and first in the section
+    assert text.index("## Branches torque") < text.rindex(answer) < text.index("motions looked at")
+    assert "a fold: a stable motion meets an unstable one" in text
+    assert "none was carried up to it" in text
+    assert "(3/6)" in text and "(3/18)" in text
+    head, = [line for line in outcome.headlines if "rattling ends" in line]
+    assert f"rattling ends at {digits}" in head
+
+
+def test_the_figure_has_the_sweep_behind_it(diagram, outcome):
+    with read_results(outcome.folder / "result.nc") as results:
+        swept = results.sweep("torque").load()
+    section = lapwing.plots.figure_of("bifurcation", diagram, sweeps=[swept]).axes[0]
+    words = [text.get_text() for text in section.get_legend().get_texts()]
+    assert {"rattling ends", "fold"} <= set(words)
+    # Below the range, and not known.
+    assert not {"contact can be kept", "raised rattling dies"} & set(words)
+    grey = [line for line in section.lines if line.get_color() == "0.55"]
+    assert len(grey) == 1 and set(grey[0].get_xdata()) == {0.5, 0.7}
+    assert section.get_title(loc="left").endswith("dots: the sweep")
+
+
+def test_the_deck_as_used_is_the_same_deck(deck, tmp_path):
+    path = tmp_path / "used.nml"
+    path.write_text(used_text(deck, tmp_path), encoding="utf-8")
+    assert used_hash(load_deck(path)) == used_hash(deck)
+
+
+def test_a_branch_needs_two_values(tmp_path):
+    path = tmp_path / "one.nml"
+    for old, new, words in (
+            ("values = 0.4, 0.8, 1.2", "values = 0.4", "expected two or more"),
+            ("values = 0.4, 0.8, 1.2,", "", "lacks one of values, from"),
+            ("highest_period = 4", "highest_period = 25", "highest_period")):
+        path.write_text(TEXT.replace(old, new), encoding="utf-8")
+        with pytest.raises(DeckError, match=words):
+            load_deck(path)
