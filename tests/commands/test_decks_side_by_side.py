@@ -56,7 +56,7 @@ def test_the_bytes_and_the_worst_code_are_those_of_one_by_one(decks, tmp_path):
     assert written(tmp_path / "together") == written(tmp_path / "one")
     assert len(written(tmp_path / "one")) == 4
     for name in ("deck0", "deck1", "deck2", "fails"):
-        assert f"{name}: started; 1 response, 1 sweep," in err
+        assert f"{name}: started; 1 response, 1 sweep\n" in err
         assert f"{name}: done, results in" in out
     assert "fails: sweep torque (" in err and "failed numerically" in err
     # What is said of a deck stands together.

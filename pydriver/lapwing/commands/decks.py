@@ -63,7 +63,7 @@ def loaded_decks(paths: list[Path], settings: list[str],
 def studies_in_words(deck: Deck) -> str:
     """How much there is to do."""
     counts = ((len(deck.studies[study.kind]), study.words) for study in STUDIES.values())
-    return ", ".join(f"{n} {word}{'s' if n != 1 else ''}" for n, word in counts)
+    return ", ".join(f"{n} {word}{'s' if n != 1 else ''}" for n, word in counts if n)
 
 
 def refused(error: Any, prefix: str = "", path: Path | None = None) -> ExitCode:
