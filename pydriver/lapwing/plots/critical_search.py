@@ -80,7 +80,7 @@ def draw(critical: xr.Dataset, gear_pair: dict[str, float] | None = None, *,
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(5, len(labels)))
     name, found = critical.attrs.get("name", find), label_of(critical)
-    head = f"{name}: " * (not found.startswith(f"{name} ")) + TITLES[find]
+    head = f"{name}: " * (not found.startswith(str(name))) + TITLES[find]
     figure.suptitle(f"{head}; {found}" if title is None else title)
     return figure
 

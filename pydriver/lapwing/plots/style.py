@@ -60,7 +60,9 @@ DPI = 170
 RC = {
     "font.size": 9.5, "axes.titlesize": 10, "axes.titlelocation": "left",
     "figure.titlesize": 11.5, "axes.grid": True, "grid.color": "0.92", "grid.linewidth": 0.6,
-    "axes.axisbelow": True, "axes.formatter.useoffset": False, "legend.framealpha": 0.95,
+    "axes.axisbelow": True, "axes.formatter.useoffset": False,
+    # A power of ten in the corner would lie on the title.
+    "axes.formatter.limits": (-8, 7), "legend.framealpha": 0.95,
     "legend.fontsize": 8.5, "pdf.fonttype": 42, "lines.solid_capstyle": "butt",
     "agg.path.chunksize": 20000, "savefig.dpi": DPI,
     # A fixed place for titles: the search for a free one measures every tick label over again.

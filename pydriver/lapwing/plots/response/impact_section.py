@@ -23,6 +23,8 @@ FLANKS = ({"color": style.BLUE, "marker": "o", "label": "drive flank"},
 LOGARITHMIC = 100.0
 # More impacts than these are not numbered.
 NUMBERED = 30
+# Numbers nearer than this part of the panel stand together, so many of them; room for a letter.
+BESIDE, NAMED, ROOM = 0.02, 6, 0.012
 
 
 def shows(response: xr.Dataset) -> bool:
@@ -77,9 +79,19 @@ def _numbers(axis: Axes, response: xr.Dataset, impacts: dict[str, NDArray[Any]],
     last = np.flatnonzero(impacts["event_cycle"] >= recorded - period)
     if not 0 < period <= recorded or not 0 < last.size <= NUMBERED:
         return False
-    for number, i in enumerate(last, 1):
-        axis.annotate(str(number), (impacts["event_phase"][i], speed[i]), xytext=(5, 4),
-                      textcoords="offset points", fontsize=8, color=style.QUIET)
+    # Those at one place, as far as can be seen, share one label; the limits are final.
+    at = np.column_stack([impacts["event_phase"][last], speed[last]])
+    place = (axis.transData + axis.transAxes.inverted()).transform(at)
+    found: dict[int, list[int]] = {}
+    for i in range(last.size):
+        near = next((one for one in found if np.all(np.abs(place[one] - place[i]) < BESIDE)), i)
+        found.setdefault(near, []).append(i + 1)
+    for i, numbers in found.items():
+        words = ", ".join(map(str, numbers[:NAMED])) + ", …" * (len(numbers) > NAMED)
+        left = place[i, 0] > 1 - ROOM * len(words)
+        axis.annotate(words, tuple(at[i]), xytext=(-5 if left else 5, 4), fontsize=8,
+                      textcoords="offset points", color=style.QUIET,
+                      ha="right" if left else "left")
     return True
 
 
@@ -97,6 +109,7 @@ def _speed_limits(axis: Axes, speed: NDArray[Any]) -> None:
     positive = speed[speed > 0]
     if positive.size and positive.max() > LOGARITHMIC * positive.min():
         axis.set_yscale("log")
+        axis.set_ylim(top=2 * positive.max())  # room for the words above the topmost
         style.plain_powers(axis.yaxis)
     else:
         axis.set_ylim(0, 1.08 * speed.max())

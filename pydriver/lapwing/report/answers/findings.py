@@ -25,7 +25,7 @@ from lapwing.report.ensemble.findings import findings as ensemble_findings
 from lapwing.report.map.findings import findings as map_findings
 from lapwing.report.measured import has_interval, noise_findings
 from lapwing.report.words import bands, parameter_unit, plural
-from lapwing.results.findings import START_NAMES, SYMBOLS, names
+from lapwing.results.findings import START_NAMES, SYMBOLS, names, search_bounded
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -342,7 +342,10 @@ class _Torque:
 
     def _terms(self) -> str:
         """What the symbols in findings and figures mean, together."""
-        finds = {one.attrs["find"] for one in self.criticals} | set((self.kept or ())[:1])
+        finds = {one.attrs["find"] for one in self.criticals
+                 if one.attrs["outcome"] == "found" and search_bounded(one)}
+        if self.kept and self.kept[1] == "found":
+            finds.add(self.kept[0])
         words = [f"{SYMBOLS[find]}: {term}" for find, term in TERMS.items() if find in finds]
         return f" ({'; '.join(words)}.)" if words else ""
 
