@@ -48,6 +48,10 @@ DECKS = {
                    "error.",
     "tolerances_25x32": "Pairs with manufacturing tolerances: which torque keeps 99 % of "
                         "them together?",
+    "basins_25x32": "Which start leads to rattling? Where the source sees separation vanish, at "
+                    "12 N·m, nearly half of the states shown do, at 12.4 N·m nearly a quarter: a "
+                    "run that stayed quiet proves nothing there, and a single knock can begin a "
+                    "rattling that does not end.",
     "minimal": "The shortest deck.",
 }
 FIGURES = {
@@ -64,6 +68,7 @@ FIGURES = {
                    "the torque above which contact can be kept.",
     "map_depth": "Deepest separation over speed and braking torque.",
     "map_arrivals": "Impacts per mesh cycle over speed and braking torque; outlined: back impacts.",
+    "basins": "Basins: each start in the colour of the motion it leads to, these motions drawn in.",
     "distributions": "How each answer is distributed among pairs, with the limits of its "
                      "quantiles.",
     "tornado": "Which parameter matters most for each answer.",

@@ -119,7 +119,7 @@ def test_shards_of_another_deck_are_missing_to_a_merge(deck, expected, tmp_path)
 def test_a_deck_without_maps_has_no_parts(tmp_path):
     code, said = run(Path(__file__).parents[1] / "inputs" / "minimal.nml", tmp_path,
                      "--shard", "1/2")
-    assert code == 2 and "--shard goes with &map and &ensemble; the deck has none" in said
+    assert code == 2 and "--shard goes with &map, &ensemble and &basins; the deck has none" in said
 
 
 @pytest.mark.parametrize("name", ["foo", "dask", "dask=", "mpi=3"])

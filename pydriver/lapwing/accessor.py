@@ -172,6 +172,8 @@ class LapwingAccessor:
             return str(self._dataset.attrs["kind"])
         if "sample" in self._dataset.dims:
             return "response"
+        if "plane" in self._dataset.attrs:
+            return "basins"
         if "x_parameter" in self._dataset.attrs:
             return "map"
         if "find" in self._dataset.attrs:

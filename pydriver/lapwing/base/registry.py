@@ -89,7 +89,10 @@ STUDIES = {study.kind: study for study in (
           "report.ensemble.text", ("ensemble.distributions", "ensemble.tornado"), turn=5,
           place=5),
     Study("branches", "bifurcation diagram", "deck.keys.branches:BranchesKeys",
-          "studies.branch.study", "report.branches", ("bifurcation",), turn=6, place=6))}
+          "studies.branch.study", "report.branches", ("bifurcation",), turn=6, place=6),
+    Study("basins", "basin plane", "deck.keys.basins:BasinsKeys",
+          "studies.attractors.basins_study", "report.attractors.basins", ("attractors.basins",),
+          turn=8, place=8))}
 
 
 def give_accessor() -> None:

@@ -109,9 +109,10 @@ def part_of(deck: Deck, out: Path, part: int, parts: int, threads: int,
             progress: Bars | Lines) -> ExitCode:
     """Make a part of a deck's shards and report; returns its exit code."""
     from lapwing.part import run_part
+    from lapwing.studies.of_deck import keeps_shards
 
-    if not (deck.studies["map"] or deck.studies["ensemble"]):
-        complain(f"{deck.path}: --shard goes with &map and &ensemble; the deck has none")
+    if not keeps_shards(deck):
+        complain(f"{deck.path}: --shard goes with &map, &ensemble and &basins; the deck has none")
         return BAD_INPUT
     found, code = _attempt(
         deck, progress,

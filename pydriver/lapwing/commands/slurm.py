@@ -128,7 +128,7 @@ def slurm(deck: Annotated[Path, typer.Argument(metavar="DECK", help="namelist de
         raise typer.Exit(ExitCode.BAD_INPUT)
     parts = _parts(loaded[0], tasks, cpus, max_array_size)
     if not parts:
-        complain(f"{deck}: lapwing slurm goes with &map and &ensemble; the deck has none")
+        complain(f"{deck}: lapwing slurm goes with &map, &ensemble and &basins; the deck has none")
         raise typer.Exit(ExitCode.BAD_INPUT)
     command = [sys.executable, "-m", "lapwing", "run", str(deck), "--out", str(out),
                "--threads", str(cpus), *(word for one in setting for word in ("--set", one))]

@@ -289,7 +289,7 @@ class _GroupReader:
         kind = self._types[key]
         if item["type"] in ("too_long", "too_short"):
             self._report.add(values[0].place, f"{key} has {len(values)} values; "
-                                              f"expected at most {self._longest(key)}")
+                                              f"expected {self._number_of_values(key)}")
             return
         index = item["loc"][1] if len(item["loc"]) > 1 else 0
         value = values[index]
@@ -299,8 +299,11 @@ class _GroupReader:
             wrong = _text_limits(value.value, self._fields[key])
         self._report.add(value.place, f"{key} = {cut(value.text, 60)}, {wrong}")
 
-    def _longest(self, key: Any) -> Any:
-        return next(n.max_length for n in self._fields[key].metadata if hasattr(n, "max_length"))
+    def _number_of_values(self, key: Any) -> str:
+        """How many values a list takes."""
+        least, most = (next((getattr(one, name) for one in self._fields[key].metadata
+                             if hasattr(one, name)), None) for name in ("min_length", "max_length"))
+        return f"at most {most}" if least != most else f"{most}"
 
 
 def _quoted(value: Value, kind: KeyType) -> Value:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from lapwing.deck.checks.te_table import Table
     from lapwing.deck.deck import Asked
     from lapwing.deck.declare import OperationKeys
+    from lapwing.deck.keys.basins import BasinsKeys
     from lapwing.deck.keys.critical import CriticalKeys
     from lapwing.deck.keys.ensemble import EnsembleKeys
     from lapwing.deck.keys.response import ResponseKeys
@@ -260,7 +261,8 @@ class Studies:
         given = getattr(reader.keys, "rtol", None) or (numerics.rtol if numerics else None)
         return float(given or reader.keys.default_rtol)
 
-    def own_operation(self, keys: CriticalKeys | EnsembleKeys | ResponseKeys) -> dict[str, Any]:
+    def own_operation(self, keys: BasinsKeys | CriticalKeys | EnsembleKeys
+                      | ResponseKeys) -> dict[str, Any]:
         """The operation with what a study sets itself; its speed, however given, replaces all."""
         own = _given(keys, schema.OPERATION)
         operation = self.operation
@@ -373,7 +375,7 @@ class Studies:
                                                "coast flank to rest on")
 
 
-def _given(keys: CriticalKeys | EnsembleKeys | OperationKeys | ResponseKeys,
+def _given(keys: BasinsKeys | CriticalKeys | EnsembleKeys | OperationKeys | ResponseKeys,
            names: tuple[str, ...]) -> dict[str, float]:
     """Those of the named keys that are not None."""
     return {name: getattr(keys, name) for name in names if getattr(keys, name) is not None}

@@ -19,6 +19,7 @@ from lapwing.report.answers import between
 from lapwing.report.answers.besides import besides
 from lapwing.report.answers.evidence import failures, looks, together
 from lapwing.report.answers.source import against_source
+from lapwing.report.attractors.basins import findings as basins_findings
 from lapwing.report.branches import findings as branches_findings
 from lapwing.report.critical import REASONS
 from lapwing.report.ensemble.findings import findings as ensemble_findings
@@ -41,26 +42,28 @@ TERMS = {"safe": "above it none of the motions tried rattles",
 
 
 def findings(responses: Any, criticals: Any, sweeps: Any, missing: Any = (),
-             maps: Any = (), ensembles: Any = (), diagrams: Any = ()) -> list[str]:
+             maps: Any = (), ensembles: Any = (), diagrams: Any = (),
+             basins: Any = ()) -> list[str]:
     """What a run found, the most important first.
 
     Parameters
     ----------
-    responses, criticals, sweeps, maps, ensembles, diagrams : sequences of Dataset, each with its
-        name as an attribute
+    responses, criticals, sweeps, maps, ensembles, diagrams, basins : sequences of Dataset, each
+        with its name as an attribute
     missing : sequence of (kind, name), studies of the deck without a result
 
     Returns
     -------
     list of str, each a sentence or two in Markdown
     """
-    stopped = _stopped([*sweeps, *maps, *ensembles], missing)
+    stopped = _stopped([*sweeps, *maps, *ensembles, *basins], missing)
     torque = _Torque(responses, criticals, sweeps)
     answers = [*torque.sentences(),
                *(sentence for one in diagrams for sentence in branches_findings(one)),
                *noise_findings(criticals), *besides(criticals, sweeps),
                *(sentence for one in maps for sentence in map_findings(one)),
-               *ensemble_findings(list(ensembles))]
+               *ensemble_findings(list(ensembles)),
+               *(sentence for one in basins for sentence in basins_findings(one))]
     if not answers:
         return [*stopped, "**Nothing is known**: no run has a result."]
     return [*stopped, *answers, *torque.failures()]
@@ -105,7 +108,8 @@ def _stopped(sweeps: Any, missing: Any) -> list[str]:
     for sweep in sweeps:
         open_ = int((sweep["status"].values == Status.UNFINISHED).sum())
         if open_:
-            kind, each = ("map", "runs") if "x_parameter" in sweep.attrs else \
+            kind, each = ("basins", "cells") if "plane" in sweep.attrs else \
+                ("map", "runs") if "x_parameter" in sweep.attrs else \
                 ("ensemble", "runs") if "sampling" in sweep.attrs else ("sweep", "points")
             parts.append(f"{kind} `{sweep.attrs.get('name', '')}` lacks {open_} of "
                          f"{sweep['status'].size} {each}")

@@ -166,7 +166,8 @@ def dataset_of(job: Cells, found: Found, interrupted: bool) -> xr.Dataset:
         | shares(labels, labels > 0, len(order), Sample(grid.runs, -1))
         | {name: (grid.order, values.reshape(grid.shape)) for name, values in cells.items()},
         {"attractor": np.arange(1, len(order) + 1, dtype=np.int32), **grid.axes}, {
-            **job.about, **counts(ends[reached]), **entropy(labels.reshape(grid.shape)),
+            **job.about, "x_parameter": next(iter(grid.axes)), "y_parameter": grid.order[0],
+            **counts(ends[reached]), **entropy(labels.reshape(grid.shape)),
             "not_reached": int(np.count_nonzero(~reached)), "interrupted": int(interrupted),
             "shards": job.cut.shards, "cpus": "; ".join(sorted(found.cpus))})).transpose(
                 *grid.axes, ...)

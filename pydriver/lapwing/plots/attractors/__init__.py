@@ -1,0 +1,1 @@
+"""Figures of attractors and their basins."""

@@ -1,0 +1,114 @@
+"""What basins say in words: which attractors there are, their parts of the plane, the boundary."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lapwing.base.arrivals import arrivals_in
+from lapwing.base.codes import Status
+from lapwing.report.attractors.words import attractor_rows, motion_words, percent
+from lapwing.report.words import markdown, plural
+from lapwing.results.findings import endings
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from lapwing.results import Results
+
+PLANES = {"state": "states (φ, dφ/dτ)", "drive": "arrivals at the drive flank (phase, speed)",
+          "coast": "arrivals at the coast flank (phase, speed)"}
+
+
+def section(planes: list[xr.Dataset], results: Results) -> list[str]:
+    """The summary's part on basins; see `registry`."""
+    return [line for one in planes
+            for line in ("", f"## Basins {one.attrs['name']}", "", *basins_text(one))]
+
+
+def headline(data: xr.Dataset) -> str:
+    """How many attractors, and cells whose end is not known."""
+    _, open_, failed = endings(data)
+    unresolved = int(data.attrs["unresolved"])
+    return (f"{plural(data.sizes['attractor'], 'attractor')} in {data['status'].size} cells"
+            + f"; {unresolved} not resolved" * bool(unresolved)
+            + f"; {open_} not reached" * bool(open_) + f"; {failed} failed" * bool(failed))
+
+
+def findings(data: xr.Dataset) -> list[str]:
+    """What basins answer, as a sentence or two in Markdown; none where no cell has an end."""
+    if not (data["attractor_of_run"].values > 0).any():
+        return []
+    labels, motions = data["attractor_of_run"].values, data["runs_ended"].values > 0
+    lost = int((labels <= 0).sum())
+    shares = [f"{percent(float(one['share']))} in {motion_words(one, data)}"
+              for i in np.flatnonzero(motions) for one in (data.isel(attractor=i),)]
+    said = f"the start decides between {plural(len(shares), 'motion')}" if len(shares) > 1 \
+        else "all starts lead to one motion"
+    every = f"of {labels.size - lost} {_starts(data)} end"
+    return [f"**{_torque(data)}{said}**: {shares[0].replace(' in ', f' {every} in ', 1)}"
+            + "".join(f"; {one}" for one in shares[1:]) + f" (basins `{data.attrs['name']}`)."
+            + f" Of {lost} the end is not known." * bool(lost)]
+
+
+def _torque(data: xr.Dataset) -> str:
+    return f"At {float(data.attrs['brake_torque']):g} N·m " if "brake_torque" in data.attrs else ""
+
+
+def _starts(data: xr.Dataset) -> str:
+    """What the cells are, in a sentence."""
+    return "starts" if data.attrs["plane"] == "state" \
+        else f"arrivals at the {data.attrs['plane']} flank"
+
+
+def basins_text(data: xr.Dataset) -> list[str]:
+    """Findings of one plane, lists and a table.
+
+    Parameters
+    ----------
+    data : xarray.Dataset, group `basins_<name>` of a result file
+
+    Returns
+    -------
+    list of str, lines of Markdown
+    """
+    attrs = data.attrs
+    x, y = (data[str(attrs[f"{side}_parameter"])].size for side in "xy")
+    at = f" at mesh phase {float(attrs['phase']):g}" * (attrs["plane"] == "state")
+    law = arrivals_in(attrs)
+    reached = data["status"].values != Status.UNFINISHED
+    lines = [
+        f"- {x} × {y} {PLANES[attrs['plane']]}{at}, contact law `{attrs['contact_law']}`, impact "
+        f"law `{attrs['impact_law']}`; {int(attrs['failed']) or 'none'} of {reached.sum()} failed, "
+        f"{int(attrs['unresolved']) or 'none'} not resolved"
+        + f", **{int(attrs['not_reached'])} not reached**" * bool(attrs["not_reached"]),
+        f"- of {int((data['attractor_of_run'].values > 0).sum())} cells whose end is known it is "
+        f"presumed in {int(attrs['presumed']) or 'none'} and certain in the others (what that "
+        "means: docs/attractors.md)",
+        f"- {law.word}s are counted: {law.rule(attrs['count_depth'])}"
+        + " separation" * law.threshold]
+    if not data.sizes["attractor"]:
+        return [*lines, "- no motion was recognised: nothing is known"]
+    return [*lines, f"- {_boundary(data)}", "", *markdown(attractor_rows(data))]
+
+
+def _boundary(data: xr.Dataset) -> str:
+    """The boundary entropy, and what it says."""
+    attrs = data.attrs
+    if not attrs["boxes"]:
+        return "nothing is known of the boundary: no box of cells has ends that are all known"
+    left = f"; {attrs['boxes_left_out']} boxes with an end that is not known are left out" \
+        * bool(attrs["boxes_left_out"])
+    side = attrs["entropy_box"]
+    if not attrs["boundary_boxes"]:
+        return f"no boundary in {attrs['boxes']} boxes of {side} × {side} cells{left}"
+    value = float(attrs["boundary_entropy"])
+    fractal = ", more than ln 2 = 0.69: the boundary is fractal at this resolution" \
+        if value > math.log(2) else ", not more than ln 2: this does not tell whether it is fractal"
+    return (f"boundary entropy {value:.3g}{fractal}; {attrs['boundary_boxes']} of {attrs['boxes']} "
+            f"boxes of {side} × {side} cells hold more than one basin{left}")
+
+
+__all__ = ["findings", "headline", "section"]

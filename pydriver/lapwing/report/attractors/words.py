@@ -1,0 +1,57 @@
+"""Words and table rows that attractors and basins share."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from lapwing.base.arrivals import arrivals_in
+from lapwing.report.ensemble.text import limits
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def percent(share: float) -> str:
+    """A share in per cent; a small one is not told as none, one short of all not as all."""
+    if not math.isfinite(share):
+        return "not known"
+    if 0 < share < 1e-3:
+        return "< 0.1 %"
+    return "> 99.9 %" if 0.999 < share < 1 else f"{100 * share:.3g} %"
+
+
+def motion_words(one: xr.Dataset, data: xr.Dataset) -> str:
+    """An attractor in a sentence: what it does."""
+    if float(one["deepest_separation"]) == 0:
+        return "lasting contact"
+    word = arrivals_in(data.attrs).word
+    period = f"rattling of period {int(one['period'])}" if int(one["period"]) \
+        else "rattling without a period"
+    struck = f", back {word}s" * (float(one["back_impacts_per_cycle"]) > 0)
+    return (f"{period} with {float(one['impacts_per_cycle']):.3g} {word}s a cycle, "
+            f"{1e6 * float(one['deepest_separation']):.3g} µrad deep{struck}")
+
+
+def attractor_rows(data: xr.Dataset) -> list[tuple[str, ...]]:
+    """A table of attractors: a row each, its shares and what is known of its stability."""
+    word = arrivals_in(data.attrs).word
+    sure = bool((data["share_low"].notnull() | data["share_high"].notnull()).any())
+    rows = [("attractor", "class", f"{word}s a cycle", "deepest separation (µrad)",
+             "larger multiplier", "Lyapunov exponent per τ", "share",
+             *["95 % limits"] * sure)]
+    for i in range(data.sizes["attractor"]):
+        one = data.isel(attractor=i)
+        multiplier = math.hypot(float(one["multiplier_real"][0]), float(one["multiplier_imag"][0]))
+        error = float(one["lyapunov_exponent_error"])
+        exponent = float(one["lyapunov_exponent"])
+        rows.append((
+            str(int(one["attractor"])), str(one["motion_class"].item()),
+            f"{float(one['impacts_per_cycle']):.4g}",
+            f"{1e6 * float(one['deepest_separation']):.4g}",
+            f"{multiplier:.4g}" if math.isfinite(multiplier) else "–",
+            "–" if math.isnan(exponent) else f"{exponent:.4g}"
+            + f" ± {error:.1g}" * math.isfinite(error),
+            percent(float(one["share"])),
+            *[limits(float(one["share_low"]), float(one["share_high"]), percent) or "–"] * sure))
+    return rows
