@@ -5,8 +5,9 @@ A study is a group of the deck, of the results, of the summary and of the figure
 keys    its keys in a deck, their checks and what follows from them (`deck.declare.StudyKeys`)
 study   how it is carried out: `carry_out(deck, study, order, threads, done)`, `extent(study)`,
         `failed(dataset)`, and how long it takes: `estimate(deck, study, seconds, clock, threads)`,
-        the fields of `studies.cost.Stage` after its name; where it has `KEEPS_SHARDS`, `carry_out`
-        takes a folder for them and a callable(text) for notes besides; with `TAKES_FOUND`, what
+        the fields of `studies.cost.Stage` after its name; where `keeps_shards(study)` is true,
+        `job(deck, study)` is its `studies.map.task.Task`, and `carry_out` takes a folder for the
+        shards, a callable(text) for notes and an executor besides; with `TAKES_FOUND`, what
         the deck's studies before it gave, by kind and name
 report  `headline(dataset)` in one line, `section(datasets, results)`, lines of the summary, and
         where all are told together first, `table(datasets)`

@@ -57,7 +57,7 @@ def write_shard(folder: Path, index: int, data: Mapping[str, NDArray[Any]],
     ----------
     folder : Path, made where missing
     index : int
-    data : name -> array (runs,)
+    data : name -> array (runs, ...), the first one of all runs; or a list of its own length
     told : attributes: `inputs`, the hash of all values that the numbers follow from, and the place
         in the study
     handed : numbers that the next shard of a chain goes on from, or None
@@ -73,12 +73,17 @@ def write_shard(folder: Path, index: int, data: Mapping[str, NDArray[Any]],
         where it cannot be written; nothing is left behind.
     """
     def fill(file: netCDF4.Dataset) -> None:
+        runs = len(next(iter(data.values())))
         for name, values in data.items():
-            if "run" not in file.dimensions:
-                file.createDimension("run", len(values))
-            packed = {"zlib": True, "complevel": 1, "shuffle": True} \
-                if len(values) > COMPRESS_ABOVE else {"contiguous": True}
-            _put(file, name, "run", values, **packed)
+            sizes = {f"{name}_{axis}" if axis or size != runs else "run": size
+                     for axis, size in enumerate(values.shape)}
+            for dimension, size in sizes.items():
+                if dimension not in file.dimensions:
+                    file.createDimension(dimension, size)
+            packed: dict[str, Any] = {} if not values.size else {"contiguous": True}
+            if values.size > COMPRESS_ABOVE:
+                packed = {"zlib": True, "complevel": 1, "shuffle": True}
+            _put(file, name, tuple(sizes), values, **packed)
 
     handing = {} if handed is None else {"handed": np.array(handed, dtype=float)}
     return _publish(folder, shard_path(folder, index).name, {"index": index, **told, **handing},
@@ -102,7 +107,7 @@ def write_study(folder: Path, axes: Mapping[str, NDArray[Any]], told: Mapping[st
     def fill(file: netCDF4.Dataset) -> None:
         for name, values in axes.items():
             file.createDimension(name, len(values))
-            _put(file, name, name, values, contiguous=True)
+            _put(file, name, (name,), values, contiguous=True)
 
     with contextlib.suppress(OSError, ValueError):
         there = read_study(folder)[1]
@@ -142,11 +147,11 @@ def read_study(folder: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         raise DamagedFile(f"{path} cannot be read ({error})") from None
 
 
-def _put(file: netCDF4.Dataset, name: str, dimension: str, values: NDArray[Any],
+def _put(file: netCDF4.Dataset, name: str, dimensions: tuple[str, ...], values: NDArray[Any],
          **storage: Any) -> None:
     """Write a variable and its words."""
     units, words = DESCRIPTIONS.get(name, (None, name.replace("_", " ")))
-    variable = file.createVariable(name, values.dtype, (dimension,), fill_value=False, **storage)
+    variable = file.createVariable(name, values.dtype, dimensions, fill_value=False, **storage)
     variable.setncatts({"long_name": words} | ({"units": units} if units else {}))
     variable[:] = values
 

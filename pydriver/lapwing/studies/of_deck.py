@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from lapwing.base.registry import Study
-    from lapwing.deck.deck import Deck
+    from lapwing.deck.deck import Asked, Deck
 
 
 @dataclass
@@ -95,17 +95,22 @@ def shards_of(folder: Path, kind: str, name: str) -> Path:
 
 def keeps_shards(deck: Deck) -> bool:
     """Whether some study of a deck keeps shards while it is under way."""
-    return any(deck.studies[study.kind] and getattr(study.part("study"), "KEEPS_SHARDS", False)
-               for study in carried_out())
+    return any(_keeps(study, asked)
+               for study in carried_out() for asked in deck.studies[study.kind])
 
 
 def jobs_of(deck: Deck) -> Iterator[tuple[str, str, Any]]:
     """(kind, name, `studies.map.shards.Job`) of each study of a deck that keeps shards."""
     for study in carried_out():
-        asked_for = deck.studies[study.kind]
-        module: Any = study.part("study") if asked_for else None
-        for asked in asked_for if getattr(module, "KEEPS_SHARDS", False) else ():
-            yield study.kind, asked.name, module.job(deck, asked)
+        for asked in deck.studies[study.kind]:
+            if _keeps(study, asked):
+                yield study.kind, asked.name, study.part("study").job(deck, asked)
+
+
+def _keeps(study: Study, asked: Asked) -> bool:
+    """Whether a study that a deck asks for keeps shards while it is under way."""
+    keeps = getattr(study.part("study"), "keeps_shards", None)
+    return keeps is not None and bool(keeps(asked))
 
 
 def compute_part(deck: Deck, part: int, parts: int, threads: int, report: Callable[..., Any],
@@ -134,7 +139,7 @@ def _one_by_one(study: Study, deck: Deck, threads: int, report: Callable[..., An
             part = study.part("study")
             done = report(f"{study.kind} {asked.name}", *part.extent(asked))
             kept = {**keeping, "folder": shards_of(keeping["folder"], study.kind, asked.name)} \
-                if keeping and getattr(part, "KEEPS_SHARDS", False) else {}
+                if keeping and _keeps(study, asked) else {}
             if getattr(part, "TAKES_FOUND", False):
                 kept["found"] = found
             dataset = part.carry_out(deck, asked, order, threads, done, **kept)

@@ -60,6 +60,10 @@ class Cut:
         """The shard that one goes on from, or None."""
         return index - 1 if index % self.links else None
 
+    def is_chained(self, index: int) -> bool:
+        """Whether a shard is one of a chain of several."""
+        return self.links > 1
+
     def place(self, index: int) -> tuple[int, int]:
         """First run of a shard, and the one behind its last."""
         if self.links == 1:
@@ -80,6 +84,58 @@ class Cut:
             at = self.length - 1 - at
         found: NDArray[Any] = line * self.links + at // self.size
         return found
+
+
+@dataclass(frozen=True)
+class Cuts:
+    """Several rows of runs one after the other, each with its own cut; see `Cut`."""
+
+    parts: tuple[Cut, ...]
+
+    @property
+    def shards(self) -> int:
+        """How many there are."""
+        return sum(part.shards for part in self.parts)
+
+    @property
+    def chains(self) -> int:
+        """Groups of shards that depend on each other."""
+        return sum(part.chains for part in self.parts)
+
+    def chain(self, index: int) -> range:
+        """Shards of a chain, in the order in which they follow from each other."""
+        first = 0
+        for part in self.parts:
+            if index < part.chains:
+                own = part.chain(index)
+                return range(first + own.start, first + own.stop)
+            index, first = index - part.chains, first + part.shards
+        raise IndexError(index)
+
+    def before(self, index: int) -> int | None:
+        """The shard that one goes on from, or None."""
+        part, own, _ = self._of(index)
+        before = part.before(own)
+        return None if before is None else index - own + before
+
+    def place(self, index: int) -> tuple[int, int]:
+        """First run of a shard, and the one behind its last."""
+        part, own, runs = self._of(index)
+        first, stop = part.place(own)
+        return runs + first, runs + stop
+
+    def is_chained(self, index: int) -> bool:
+        """Whether a shard is one of a chain of several."""
+        return self._of(index)[0].links > 1
+
+    def _of(self, index: int) -> tuple[Cut, int, int]:
+        """The cut that a shard is of, its number there, and the runs before this cut's."""
+        runs = 0
+        for part in self.parts:
+            if index < part.shards:
+                return part, index, runs
+            index, runs = index - part.shards, runs + part.runs
+        raise IndexError(index)
 
 
 def shard_size(runs: int, cycles: int, length: int, wanted: int | None) -> int:

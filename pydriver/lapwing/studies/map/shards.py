@@ -30,7 +30,7 @@ from lapwing.studies.map.observed import KEPT, kept, observations, wanted
 from lapwing.studies.map.task import Dropped, Made, Task
 
 # Where a line begins.
-_REST = (engine.REST, 0.0, 0.0)
+REST = (engine.REST, 0.0, 0.0)
 # Runs handed to the engine at once, in whole lines: it takes some 10 kB for each line, and where
 # exponents are asked for the maps of all recorded cycles, which are to be this much at most.
 AT_A_TIME, MAPS = 1024, 2**26
@@ -131,15 +131,15 @@ def _carried_out(job: Job, index: int, progress: Callable[[float], None] | None,
     if threads > 1:
         most = min(most, len(outcome) / (threads * PIECES))
     size = max(1, math.ceil(most / length)) * length
-    start = (*(before.handed if before and before.handed else _REST), job.phase)
+    start = (*(before.handed if before and before.handed else REST), job.phase)
 
-    give_up = _told(None, stop, 0.0, 0.0)
+    give_up = told_of(None, stop, 0.0, 0.0)
 
     def fill(begin: int) -> None:
         here = slice(begin - first, min(begin + size, behind) - first)
         part = outcome[here]
         _move(job, begin, part, {name: values[here] for name, values in besides.items()}, start,
-              _told(progress, stop, here.start / len(outcome), len(part) / len(outcome)))
+              told_of(progress, stop, here.start / len(outcome), len(part) / len(outcome)))
 
     pieces = range(first, behind, size)
     if threads == 1:
@@ -154,9 +154,14 @@ def _carried_out(job: Job, index: int, progress: Callable[[float], None] | None,
                            else np.nan).astype(kind) for name, kind in KEPT.items()} \
         | besides | job.grid.known(first, behind, lambda: give_up(0.0))
     last = outcome[0 if job.start == "down" else -1]
-    handed = tuple(map(float, last[["motion_state", "phi", "phi_dot"]])) \
-        if last["status"] == Status.OK else _REST
-    return Made(data, handed if job.cut.links > 1 else None)
+    return Made(data, handed_over(last) if job.cut.is_chained(index) else None)
+
+
+def handed_over(last: Any) -> tuple[float, ...]:
+    """State that a line is carried on with from how its last run ended: rest after a failure."""
+    if last["status"] != Status.OK:
+        return REST
+    return tuple(map(float, last[["motion_state", "phi", "phi_dot"]]))
 
 
 def _move(job: Job, first: int, outcome: NDArray[Any], besides: dict[str, NDArray[Any]],
@@ -178,7 +183,7 @@ def _move(job: Job, first: int, outcome: NDArray[Any], besides: dict[str, NDArra
             part, lines, [start] * len(lines), numerics=job.numerics,
             wanted=wanted(job.observe), settle=job.settle, record=job.record,
             log_room=1, threads=1, keep_cycles=False,
-            progress=_told(told, None, done / len(points), which.size / len(points)))
+            progress=told_of(told, None, done / len(points), which.size / len(points)))
         outcome[which] = result.outcome
         if besides:
             for name, values in observations(job.observe, result, part, job.grid.newtons(
@@ -208,8 +213,8 @@ def _lines(job: Job, runs: int) -> list[tuple[int, int, bool]]:
     return [(*(end if job.start == "up" else reversed(end)), True) for end in ends]
 
 
-def _told(progress: Callable[[float], object] | None, stop: threading.Event | None, begun: float,
-          share: float) -> Callable[[float], None]:
+def told_of(progress: Callable[[float], object] | None, stop: threading.Event | None,
+            begun: float = 0.0, share: float = 1.0) -> Callable[[float], None]:
     """Progress of a part, and a place to give up."""
     def told(fraction: float) -> None:
         if stop is not None and stop.is_set():

@@ -25,10 +25,13 @@ if TYPE_CHECKING:
 
     from lapwing.deck.deck import Asked, Deck
 
-# It keeps what is finished in a folder, while it is under way (`of_deck.compute`).
-KEEPS_SHARDS = True
 # Runs of a column that are tried for an estimate.
 TRIED = 8
+
+
+def keeps_shards(_: Asked) -> bool:
+    """Whether it keeps what is finished in a folder, while it is under way."""
+    return True
 
 
 def extent(study: Asked) -> tuple[int, str]:

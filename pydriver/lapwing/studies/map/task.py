@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from numpy.typing import NDArray
 
 from lapwing.results.shards import Shard, write_study
-from lapwing.studies.map.cut import Cut
+from lapwing.studies.map.cut import Cut, Cuts
 
 
 class Dropped(Exception):
@@ -79,7 +79,7 @@ class Task:
         """Make what all shards need, before there are several threads; nothing by default."""
 
     @cached_property
-    def cut(self) -> Cut:
+    def cut(self) -> Cut | Cuts:
         """Which runs are in which shard."""
         return Cut(self.grid.runs, self.shard_runs, self.grid.length, self.start)
 

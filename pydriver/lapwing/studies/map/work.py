@@ -36,6 +36,22 @@ def carry_out(who: str, job: Task, *, folder: str | Path | None, executor: Execu
     -------
     Found, and whether Ctrl-C has left some of it open
     """
+    estimates.require(job.grid.runs * job.run_bytes, who, "the number of runs")
+    found = Found(job, notes or (lambda _: None))
+    return found, gather(who, job, found, folder=folder, executor=executor, threads=threads,
+                         progress=progress, notes=notes, keep_interrupted=keep_interrupted)
+
+
+def gather(who: str, job: Task, found: Any, *, folder: str | Path | None,
+           executor: Executor | None, threads: int | None,
+           progress: Callable[[float], None] | None, notes: Callable[[str], None] | None,
+           keep_interrupted: bool) -> bool:
+    """The same, the shards taken by `found`, a `Found` or what can the same.
+
+    Returns
+    -------
+    bool, whether Ctrl-C has left some of it open
+    """
     if executor is not None and folder is None:
         raise ValueError(f"{who}: executor wants a folder, which its workers see as well")
     if executor is not None and not callable(getattr(executor, "submit", None)):
@@ -47,16 +63,14 @@ def carry_out(who: str, job: Task, *, folder: str | Path | None, executor: Execu
             arguments.function(name, given)
     threads = usable_threads(checked_threads(threads), job.cut.shards)
     folder = None if folder is None else Path(arguments.path("folder", folder))
-    estimates.require(job.grid.runs * job.run_bytes, who, "the number of runs")
-    found = Found(job, notes or (lambda _: None))
     work = _Work(job, folder, found, progress)
     try:
         work.carry_out(executor, threads)
     except KeyboardInterrupt:
         if not keep_interrupted:
             raise
-        return found, True
-    return found, False
+        return True
+    return False
 
 
 def make_part(job: Task, folder: Path, part: int, parts: int, threads: int,

@@ -23,14 +23,14 @@ from lapwing.studies import mean_rotation
 from lapwing.studies.period import NO_PERIOD, class_name
 from lapwing.studies.stability import CycleMaps, findings, growth
 from lapwing.studies.sweep.form import dataset
-from lapwing.studies.sweep.varied import OF_PAIR, Varied, parameters
+from lapwing.studies.sweep.shards import SweepJob, shards_bytes
+from lapwing.studies.sweep.varied import Varied, parameters
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from lapwing.engine.numerics import Numerics
     from lapwing.engine.sweeps import SweepResult
-    from lapwing.model.oscillator import Oscillator
 
 STARTS = ("rest", "up", "down")
 RECORDS = ("cycles", "impacts", "exponents", "speeds", "spectra", "amplitudes")
@@ -86,10 +86,35 @@ def sweep(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torq
     TypeError, ValueError
         for every refused argument, the oscillator's own refusals included.
     """
+    job = job_of(
+        pair, te, parameter=parameter, values=values, starts=starts, settle=settle, record=record,
+        observe=observe, phase=phase, method=method, rtol=rtol, chatter_tol=chatter_tol,
+        count_depth=count_depth, max_impacts=max_impacts, max_steps_per_cycle=max_steps_per_cycle,
+        max_events_per_cycle=max_events_per_cycle, numerics=numerics, progress=progress,
+        keep_interrupted=keep_interrupted, **operation)
+    threads, count = checked_threads(threads), len(job.values)
+    lines = _lines(job.starts, count)
+    result = engine.sweep(
+        job.oscillators.points.repeated(len(job.starts)), lines,
+        np.tile([engine.REST, 0.0, 0.0, job.phase], (len(lines), 1)),
+        numerics=job.numerics, wanted=job.wanted, settle=job.settle, record=job.record,
+        log_room=job.max_impacts, threads=threads, progress=progress,
+        keep_interrupted=keep_interrupted, log_table=IMPACT_TABLE)
+    further = job.further(result.outcome, np.tile(np.arange(count), len(job.starts)),
+                          lambda: None, usable_threads(threads, job.grid.runs))
+    return dataset_of(job, result, further)
+
+
+def job_of(pair: GearPair, te: TransmissionError, *, parameter: str, values: ArrayLike,
+           starts: Sequence[str], settle: int, record: int, observe: Sequence[str], phase: float,
+           method: str = "auto", rtol: float = 1e-6, chatter_tol: float | None = None,
+           count_depth: float = 0.01, max_impacts: int = 2000,
+           max_events_per_cycle: int = 1_000_000, max_steps_per_cycle: int = 10_000_000,
+           numerics: Numerics | None = None, progress: Callable[[float], None] | None = None,
+           keep_interrupted: bool = False, **operation: Any) -> SweepJob:
+    """The checked arguments of `sweep`, or every problem at once."""
     values, starts, observe = _check(pair, te, parameter, values, starts, settle, record, observe,
                                      max_impacts, phase, progress, keep_interrupted)
-    settle, record, max_impacts, phase = int(settle), int(record), int(max_impacts), float(phase)
-    threads = checked_threads(threads)
     numerics = chosen(
         numerics, method=(method, "auto"), rtol=(rtol, 1e-6), chatter_tol=(chatter_tol, None),
         count_depth=(count_depth, 0.01),
@@ -97,34 +122,41 @@ def sweep(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torq
         max_steps_per_cycle=(max_steps_per_cycle, 10_000_000))
     wanted = Wanted(cycles="cycles" in observe, strobe=True, impacts="impacts" in observe,
                     tangent="exponents" in observe)
-    estimates.require(estimates.sweep_bytes(
-        len(values) * len(starts), record, wanted.cycles or wanted.strobe, wanted.impacts,
-        wanted.tangent, max_impacts), "sweep", "values, starts, record or max_impacts")
-    oscillators = Varied(pair, te, parameter, values, operation)
-    if oscillators[0].gap == "one_flank" and np.any(oscillators.points.force < 0):
+    job = SweepJob(pair, te, parameter, values, starts, int(settle), int(record), int(max_impacts),
+                   float(phase), operation, numerics, wanted,
+                   tuple(one for one in ("spectra", "amplitudes") if one in observe))
+    estimates.require(shards_bytes(job), "sweep", "values, starts, record or max_impacts")
+    if job.oscillators[0].gap == "one_flank" and np.any(job.oscillators.points.force < 0):
         raise ValueError("sweep: rest with a negative force needs a coast flank to rest on")
-    if "speeds" in observe:
-        wanted = replace(wanted, speed_edges=tuple(_speed_edges(oscillators)))
-    lines = _lines(starts, len(values))
-    result = engine.sweep(
-        oscillators.points.repeated(len(starts)), lines,
-        np.tile([engine.REST, 0.0, 0.0, phase], (len(lines), 1)),
-        numerics=numerics, wanted=wanted, settle=settle, record=record, log_room=max_impacts,
-        threads=threads, progress=progress, keep_interrupted=keep_interrupted,
-        log_table=IMPACT_TABLE)
-    data = _dataset(result, oscillators, parameter, values, starts, wanted, phase,
-                    {"contact_law": oscillators[0].contact_law, "settle": settle,
-                     "record": record, "rtol": numerics.rtol,
+    if "speeds" not in observe:
+        return job
+    return replace(job, wanted=replace(wanted, speed_edges=tuple(_speed_edges(job.oscillators))))
+
+
+def dataset_of(job: SweepJob, result: SweepResult,
+               further: dict[str, NDArray[Any]]) -> xr.Dataset:
+    """What `sweep` returns, from the tables of all points and what they went on for."""
+    wanted, oscillators = job.wanted, job.oscillators
+    data = _dataset(result, oscillators, job.parameter, job.values, job.starts, wanted, job.phase,
+                    {"contact_law": oscillators[0].contact_law, "settle": job.settle,
+                     "record": job.record, "rtol": job.numerics.rtol,
                      "method": result.method,
-                     "count_depth": numerics.count_depth, "interrupted": int(result.interrupted),
-                     **({"max_impacts": max_impacts} if wanted.impacts else {}),
-                     **_of_pair(pair, parameter)})
-    if "spectra" in observe:
-        data = _with_spectra(data, result, list(oscillators) * len(starts), numerics, threads)
-    if "amplitudes" in observe:
-        data = _with_amplitudes(data, result, list(oscillators), [
-            _newtons(pair, parameter, float(value)) for value in values], numerics, threads)
-    return worded(data) if {"speeds", "spectra", "amplitudes"} & set(observe) else data
+                     "count_depth": job.numerics.count_depth,
+                     "interrupted": int(result.interrupted),
+                     **({"max_impacts": job.max_impacts} if wanted.impacts else {}),
+                     **_of_pair(job.pair, job.parameter)})
+    if not further and not wanted.speed_edges:
+        return data
+    by_point, shape = data["status"].dims, data["status"].shape
+    data = data.assign({name: ((*by_point, "order")[:1 + values.ndim],
+                               values.reshape(*shape, *values.shape[1:]))
+                        for name, values in further.items()})
+    if "order_spectrum" in further:
+        from lapwing.studies.sweep.waterfall import orders
+
+        data = data.assign_coords(order=orders(further["order_spectrum"].shape[1])).assign(
+            mesh_frequency_ratio=(by_point[1], [osc.mesh_frequency_ratio for osc in oscillators]))
+    return worded(data)
 
 
 def _check(pair: GearPair, te: TransmissionError, parameter: str, values: ArrayLike,
@@ -249,45 +281,6 @@ def _stability(result: SweepResult, tables: NDArray[Any], periods: NDArray[Any],
     dims = (*by_point, "multiplier")
     return {name: (by_point, column) for name, column in data.items()} | {
         "multiplier_real": (dims, values.real), "multiplier_imag": (dims, values.imag)}
-
-
-def _with_spectra(data: xr.Dataset, result: SweepResult, oscillators: list[Oscillator],
-                  numerics: Numerics, threads: int) -> xr.Dataset:
-    """Order spectra beside the rest, `waterfall.spectra`."""
-    from lapwing.studies.sweep.waterfall import spectra
-
-    orders, amplitudes = spectra(
-        oscillators, result.outcome, data.attrs["phase"], numerics=numerics,
-        threads=usable_threads(threads, len(oscillators)))
-    by_point = data["status"].dims
-    count = data.sizes[by_point[1]]
-    ratio = [osc.mesh_frequency_ratio for osc in oscillators[:count]]
-    return data.assign_coords(order=orders).assign(
-        order_spectrum=((*by_point, "order"), amplitudes.reshape(*data["status"].shape, -1)),
-        mesh_frequency_ratio=(by_point[1], ratio))
-
-
-def _newtons(pair: GearPair, parameter: str, value: float) -> float:
-    """Force per unit of deflection, k'·lever (N), at one value of the parameter."""
-    if parameter in OF_PAIR:
-        changed: dict[str, Any] = {parameter: value}
-        pair = replace(pair, **changed)
-    return pair.mesh_stiffness * pair.pinion_base_lever
-
-
-def _with_amplitudes(data: xr.Dataset, result: SweepResult, oscillators: list[Oscillator],
-                     newtons: list[float], numerics: Numerics, threads: int) -> xr.Dataset:
-    """Amplitudes and forces beside the rest, `amplitudes.amplitudes`."""
-    from lapwing.studies.sweep.amplitudes import amplitudes
-
-    starts = data.sizes["start"]
-    found = amplitudes(
-        oscillators * starts, result.outcome, data["period"].values.ravel(),
-        newtons * starts, data.attrs["phase"], numerics=numerics,
-        threads=usable_threads(threads, len(oscillators) * starts))
-    by_point, shape = data["status"].dims, data["status"].shape
-    return data.assign({name: (by_point, column.reshape(shape))
-                        for name, column in found.items()})
 
 
 def _speed_edges(oscillators: Varied) -> NDArray[Any]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Executor
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lapwing.engine import Numerics
@@ -11,7 +13,10 @@ from lapwing.studies import cost
 from lapwing.studies.again import Again, moved_again
 from lapwing.studies.critical.study import full_engagement
 from lapwing.studies.labels import labels
-from lapwing.studies.sweep.run import sweep
+from lapwing.studies.map.work import gather
+from lapwing.studies.sweep import amplitudes, waterfall
+from lapwing.studies.sweep.run import dataset_of, job_of, sweep
+from lapwing.studies.sweep.shards import Gathered, SweepJob, is_large
 from lapwing.studies.sweep.varied import Varied
 
 if TYPE_CHECKING:
@@ -31,18 +36,43 @@ def failed(dataset: xr.Dataset) -> str:
     return f"sweep {{}} ({points} points)" * bool(points)
 
 
+def keeps_shards(study: Asked) -> bool:
+    """Whether it is so large that it keeps what is finished in a folder, while it is under way."""
+    return is_large(extent(study)[0], study.settle_cycles + study.record_cycles
+                    + amplitudes.CYCLES * study.amplitudes + waterfall.CYCLES * study.order_spectra)
+
+
 def carry_out(deck: Deck, study: Asked, order: int, threads: int,
-              done: Callable[..., Any] | None) -> xr.Dataset:
-    """One sweep of a deck; Ctrl-C keeps what is finished. See `registry`."""
+              done: Callable[..., Any] | None, folder: Path | None = None,
+              notes: Callable[[str], None] | None = None,
+              executor: Executor | None = None) -> xr.Dataset:
+    """One sweep of a deck; a signal keeps what is finished. See `registry`."""
+    if folder is None:
+        result = sweep(**_arguments(deck, study), threads=threads, progress=done,
+                       keep_interrupted=True)
+    else:
+        made = job(deck, study)
+        found = Gathered(made, notes or (lambda _: None))
+        interrupted = gather("sweep", made, found, folder=folder, executor=executor,
+                             threads=threads, progress=done, notes=notes, keep_interrupted=True)
+        result = dataset_of(made, found.result(interrupted), found.further)
+    return result.assign_attrs(labels(deck, study) | full_engagement(deck, study))
+
+
+def job(deck: Deck, study: Asked) -> SweepJob:
+    """How a sweep is cut, and what its shards say of themselves."""
+    return job_of(**_arguments(deck, study))
+
+
+def _arguments(deck: Deck, study: Asked) -> dict[str, Any]:
+    """What a deck says of a sweep, as `sweep` takes it."""
     observe = ("cycles", *["impacts"] * study.impacts, *["exponents"] * study.exponents,
                *["speeds"] * study.speed_density, *["spectra"] * study.order_spectra,
                *["amplitudes"] * study.amplitudes)
-    result = sweep(
-        deck.gear_pair, deck.te, parameter=study.parameter, values=study.values,
-        starts=study.starts, settle=study.settle_cycles, record=study.record_cycles,
-        observe=observe, phase=deck.numerics["start_phase"], threads=threads, progress=done,
-        keep_interrupted=True, **deck.numerics_of(study), **study.operation)
-    return result.assign_attrs(labels(deck, study) | full_engagement(deck, study))
+    return {"pair": deck.gear_pair, "te": deck.te, "parameter": study.parameter,
+            "values": study.values, "starts": study.starts, "settle": study.settle_cycles,
+            "record": study.record_cycles, "observe": observe,
+            "phase": deck.numerics["start_phase"], **deck.numerics_of(study), **study.operation}
 
 
 def again(deck: Deck, study: Asked, index: int) -> Again:

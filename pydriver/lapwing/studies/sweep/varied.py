@@ -104,6 +104,14 @@ def points_at(pair: GearPair, te: TransmissionError, values: Mapping[str, NDArra
                              for name, number in numbers.items()})
 
 
+def force_per_deflection(pair: GearPair, parameter: str, value: float) -> float:
+    """k'·lever (N) at one value of the parameter."""
+    if parameter in OF_PAIR:
+        changed: dict[str, Any] = {parameter: value}
+        pair = replace(pair, **changed)
+    return pair.mesh_stiffness * pair.pinion_base_lever
+
+
 class Varied(Sequence[Oscillator]):
     """Oscillators of some values of a parameter.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
@@ -27,8 +28,20 @@ CYCLES, SAMPLES = 48, 128
 LEAST_ORDER, MOST_ORDER = 8, 24
 
 
-def spectra(oscillators: list[Oscillator], finals: NDArray[Any], phase: float, *,
-            numerics: Numerics, threads: int) -> tuple[NDArray[Any], NDArray[Any]]:
+def lines_of(oscillators: Sequence[Oscillator]) -> int:
+    """Lines of each spectrum of a waterfall of these oscillators."""
+    highest = min(max(LEAST_ORDER, math.ceil(max(
+        1.5 / osc.mesh_frequency_ratio for osc in oscillators))), MOST_ORDER)
+    return highest * CYCLES + 1
+
+
+def orders(lines: int) -> NDArray[np.float64]:
+    """Orders of these lines, (lines,)."""
+    return np.arange(lines) / CYCLES
+
+
+def spectra(oscillators: list[Oscillator], finals: NDArray[Any], phase: float, lines: int, *,
+            numerics: Numerics, threads: int) -> NDArray[Any]:
     """Order spectra of the displacement φ.
 
     Parameters
@@ -36,16 +49,15 @@ def spectra(oscillators: list[Oscillator], finals: NDArray[Any], phase: float, *
     oscillators : sequence of Oscillator (points,)
     finals : table (points,), how each point's run ended, `engine.SweepResult.outcome`
     phase : float, mesh phase there
+    lines : int, `lines_of` the whole waterfall
     numerics : Numerics
     threads : int
 
     Returns
     -------
-    orders (n,), amplitudes (points, n) in rad; NaN where a point failed
+    (points, lines) array of amplitudes at `orders(lines)`, rad; NaN where a point failed
     """
-    highest = min(max(LEAST_ORDER, math.ceil(max(
-        1.5 / osc.mesh_frequency_ratio for osc in oscillators))), MOST_ORDER)
-    amplitudes = np.full((len(oscillators), highest * CYCLES + 1), np.nan, dtype=np.float32)
+    amplitudes = np.full((len(oscillators), lines), np.nan, dtype=np.float32)
     total = phase + np.arange(CYCLES * SAMPLES) / SAMPLES
     cycle = np.floor(total)
 
@@ -62,4 +74,4 @@ def spectra(oscillators: list[Oscillator], finals: NDArray[Any], phase: float, *
 
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(one, range(len(oscillators))))
-    return np.arange(amplitudes.shape[1]) / CYCLES, amplitudes
+    return amplitudes
