@@ -25,8 +25,11 @@ if TYPE_CHECKING:
 
     from lapwing.deck.deck import Asked, Deck
 
-# It keeps what is finished in a folder, while it is under way (`of_deck.compute`).
-KEEPS_SHARDS = True
+
+
+def keeps_shards(_: Asked) -> bool:
+    """Whether it keeps what is finished in a folder, while it is under way."""
+    return True
 
 
 def extent(study: Asked) -> tuple[int, str]:
