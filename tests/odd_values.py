@@ -164,7 +164,8 @@ CASES = {
         "max_impacts": 20, "threads": 1, "progress": None, "keep_interrupted": False, **SHORT}),
     "parameter_map": (lw.parameter_map, {
         "pair": PAIR, "te": TE, "axes": {"brake_torque": [12.0], "backlash": [1e-3]},
-        "line": "backlash", "start": "up", "phase": 0.0, "numerics": None, "shard_runs": 1,
+        "line": "backlash", "start": "up", "phase": 0.0, "numerics": None, "observe": ("rms",),
+        "shard_runs": 1,
         "folder": FOLDER / "map", "executor": None, "threads": 1, "progress": None, "notes": None,
         "keep_interrupted": False, **SHORT}),
     "parameter_map.axes": (lambda backlash: lw.parameter_map(
@@ -221,8 +222,13 @@ CASES = {
     "Numerics": (Numerics, {**NUMERICS, "copy_repeats": True}),
 }
 # Enumerations and errors are Python's own; a version is a text; a bar is a context.
-NOT_CALLED = {"Ending", "EventKind", "MotionState", "Status", "__version__", "NoOrbit",
-              "ParameterError", "progress_bar"}
+# Results are made by calls.
+RESULTS = {"Branch", "CriticalForce", "CriticalValue", "CycleMaps", "Deck", "EngagedResponse",
+           "Exponents", "Followed", "HybridState", "LapwingAccessor", "LiftOff", "Load",
+           "MeanRotation", "Multipliers", "Orbit", "Outcome", "Point", "Results", "Run", "Special"}
+NOT_CALLED = {"ArgumentError", "BranchOutcome", "DeckError", "Ending", "EventKind", "MotionState",
+              "NoOrbit", "ParameterError", "SearchStage", "SpecialPoint", "Status", "__version__",
+              "progress_bar", *RESULTS}
 # What a call may end in besides a result, TypeError and ValueError: documented at its place.
 ALLOWED = (NoOrbit, OSError, TransmissionErrorFileError, DeckError, StoreError)
 

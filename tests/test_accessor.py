@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -40,8 +41,9 @@ def test_speeds_have_a_unit(swept, response):
 
 def test_what_has_no_speed_is_refused(swept):
     run = lapwing.simulate(scene_a(1.8), cycles=5)
+    bare = lapwing.simulate(replace(scene_a(1.8), scales=None), cycles=5)
     with pytest.raises(ValueError, match="does not tell its natural_frequency"):
-        run.events.lapwing.speed()
+        bare.events.lapwing.speed()
     with pytest.raises(ValueError, match="in rad per unit of tau"):
         swept.lapwing.speed("phi")
     with pytest.raises(ValueError, match="one of 'rad/s', 'm/s'"):
@@ -70,11 +72,19 @@ def test_impacts_of_a_point(swept):
 
 def test_a_table_has_words_for_codes(swept, response, tmp_path):
     run = lapwing.simulate(scene_a(1.8), cycles=5)
-    run.events.lapwing.table().to_csv(tmp_path / "events.csv", index=False)
+    run.events.lapwing.to_csv(tmp_path / "events.csv")
     head, first, *_ = (tmp_path / "events.csv").read_text().splitlines()
-    assert head == "tau,cycle,phase,kind,phi,velocity_before,velocity_after,flight_depth"
-    kind = lapwing.EventKind(int(run.events["kind"][0])).name.lower()
-    assert first.split(",")[3] == kind
+    assert head == ("tau,time [s],cycle,phase,kind,phi [rad],velocity_before [rad per tau],"
+                    "velocity_after [rad per tau],flight_depth [rad]")
+    tau, time, _, _, kind, *_ = first.split(",")
+    assert kind == lapwing.EventKind(int(run.events["kind"][0])).name.lower()
+    assert float(time) == pytest.approx(float(tau) / PAIR.natural_frequency, rel=1e-15)
+    plain = run.events.lapwing.table()
+    assert list(plain) == [name.partition(" ")[0] for name in head.split(",")]
+    bare = lapwing.simulate(replace(scene_a(1.8), scales=None), cycles=5)
+    assert "time" not in bare.events.lapwing.table()  # without a gear pair no second is known
+    with pytest.raises(TypeError, match="path = 3, expected a path"):
+        run.events.lapwing.to_csv(3)
     table = response.lapwing.table("cycle")
     np.testing.assert_array_equal(table["cycle_phi"], response["cycle_phi"])
     assert "phi" not in table and len(response.lapwing.table()) == response.sizes["event"]
@@ -89,8 +99,12 @@ def test_figures_are_methods(swept, response):
     assert "history" in dir(response.lapwing)
     with_units = response.lapwing.phase_portrait(gear_pair=PAIR)
     assert any("rad/s" in axis.get_ylabel() for axis in with_units.axes)
-    with pytest.raises(AttributeError, match="no figure 'waterfall'"):
+    with pytest.raises(AttributeError, match=r"'waterfall' .*has not what the figure shows"):
         swept.lapwing.waterfall  # noqa: B018
+    with pytest.raises(AttributeError, match=r"no method or figure 'tabel' .*mean 'table'\?"):
+        swept.lapwing.tabel  # noqa: B018
+    with pytest.raises(AttributeError, match=r"mean 'orbit_diagram'\?; its figures are .*stairc"):
+        swept.lapwing.orbit_diagramm  # noqa: B018
     with pytest.raises(TypeError, match="no option 'colour'"):
         swept.lapwing.orbit_diagram(colour="red")
 

@@ -138,7 +138,7 @@ def test_a_history_goes_on_from_the_nearest_checkpoint(name, monkeypatch):
 
 
 def test_late_times_cost_no_more_than_what_leads_to_them(monkeypatch):
-    from lapwing.studies import trajectory
+    from lapwing.studies.trajectory import result as trajectory
 
     osc = scene_a(1.8, "absolute")
     before = simulate(osc, cycles=5000, observe=())

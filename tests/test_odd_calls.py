@@ -48,6 +48,12 @@ def test_every_public_name_has_a_case():
     assert set(lapwing.__all__) - odd_values.NOT_CALLED <= called
 
 
+@pytest.mark.parametrize("name", sorted(set(lapwing.__all__) - odd_values.NOT_CALLED))
+def test_a_name_that_nobody_has_is_answered(name):
+    with pytest.raises(lapwing.ArgumentError, match=f"{name}: 'no_such_name' is unknown"):
+        getattr(lapwing, name)(no_such_name=1)
+
+
 @pytest.mark.parametrize("kind", ["TransmissionError", "GearPair", "Oscillator", "StartGrid"])
 def test_every_public_method_has_a_case(kind):
     cls = getattr(lapwing, kind)

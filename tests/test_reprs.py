@@ -1,11 +1,15 @@
 """What a console and a notebook show of each object: a line of bounded length, a table of facts."""
 
+import math
+from dataclasses import replace
+
 import pytest
 
 import lapwing
 from helpers import PAIR, SHIPPED, scene_a
 
 MOST_CHARACTERS = 400
+FEW = {"starts": lapwing.StartGrid(1, 1, 1), "settle": 20, "record": 5, "pinion_speed_rpm": 240}
 
 
 def _orbit():
@@ -30,6 +34,34 @@ def test_it_is_shown_in_a_line_and_in_a_table(what):
     table = shown._repr_html_()
     assert table.count("<tr>") == table.count("</tr>") >= 3
     assert len(table) <= 4000
+
+
+NONE_FOUND = {
+    "nothing rattles at any of 2 values from 14 to 13 N m": lambda: lapwing.critical_safe(
+        PAIR, SHIPPED, values=[13.0, 14.0], **FEW),
+    "motions rattle at 3 N m already": lambda: lapwing.critical_safe(
+        PAIR, SHIPPED, values=[2.0, 3.0], **FEW),
+    "motions fail numerically at 3 N m already": lambda: lapwing.critical_safe(
+        PAIR, SHIPPED, values=[2.0, 3.0], **FEW, numerics=lapwing.Numerics(max_steps_per_cycle=1,
+                                                                           method="rk4")),
+    "no back impact is seen at any of 1 values": lambda: lapwing.critical_back(
+        PAIR, SHIPPED, values=[14.0], **FEW),
+    "contact is lost at 210 rpm already": lambda: lapwing.critical_full(
+        PAIR, SHIPPED, parameter="pinion_speed_rpm", values=[200.0, 210.0], brake_torque=3.0),
+    "undamped resonance": lambda: lapwing.critical_full(
+        replace(PAIR, damping_ratio=0.0), SHIPPED,
+        mesh_frequency_hz=PAIR.natural_frequency / (2 * math.pi)),
+    "a kink at mesh phase 0 throws the tooth off": lambda: lapwing.critical_on(
+        PAIR, lapwing.TransmissionError.parabola(1e-5), pinion_speed_rpm=240,
+        contact_law="rigid"),
+}
+
+
+@pytest.mark.parametrize("why", NONE_FOUND)
+def test_a_critical_value_that_is_none_says_why(why):
+    found = NONE_FOUND[why]()
+    assert math.isnan(float(found)) and why in found.why
+    assert why in repr(found) and why in found._repr_html_() and found.outcome in repr(found)
 
 
 def test_the_numbers_shown_are_those_of_the_object():

@@ -131,9 +131,12 @@ def test_bad_arguments_are_refused(bad):
         simulate(scene_a(1.8), **bad)
 
 
-def test_a_word_is_no_list_of_words():
-    with pytest.raises(TypeError, match="observe = 'events', expected a tuple"):
-        simulate(scene_a(1.8), observe="events")
+def test_a_single_word_is_a_list_of_one():
+    one, other = (simulate(scene_a(1.8), cycles=2, observe=words) for words in (
+        "events", ("events",)))
+    assert one.events.identical(other.events) and one.cycles.sizes["cycle"] == 0
+    with pytest.raises(TypeError, match="observe = 'event', expected one or more of 'events'"):
+        simulate(scene_a(1.8), observe="event")
 
 
 @pytest.mark.parametrize("taus", [[-1.0], [1.0, 0.5], [1e9], [float("nan")], [[0.0, 1.0]]])

@@ -1,6 +1,8 @@
 """Nonlinear dynamics of lapping gear pairs: engagement, separation and impacts under a brake.
 
-Everything a study needs is here; the compiled engine is loaded at the first use.
+Everything a study needs is here, the classes of what it gives as well: `help(lapwing.sweep)`,
+`help(lapwing.Orbit)`. `data.lapwing` of a Dataset is a `LapwingAccessor`: figures, speeds, tables.
+The compiled engine is loaded at the first use.
 """
 
 from importlib import import_module
@@ -13,8 +15,8 @@ _HOMES = {
     "Oscillator": "model.oscillator",
     "critical_back": "studies.critical.run",
     "critical_force": "model.linear_response",
-    "critical_full": "studies.critical.run",
-    "critical_on": "studies.critical.run",
+    "critical_full": "studies.critical.force",
+    "critical_on": "studies.critical.force",
     "critical_safe": "studies.critical.run",
     "critical_torque": "model.linear_response",
     "engaged_response": "model.linear_response",
@@ -43,20 +45,48 @@ _HOMES = {
     "period_doubling": "studies.orbit",
     "cascade": "studies.orbit",
     "settled_state": "studies.orbit",
+    # What these give and raise.
+    "ArgumentError": "base.arguments",
+    "Branch": "studies.branch",
+    "CriticalForce": "model.linear_response",
+    "CriticalValue": "studies.critical.value",
+    "CycleMaps": "studies.stability",
+    "Deck": "deck.deck",
+    "DeckError": "deck.problems",
+    "EngagedResponse": "model.linear_response",
+    "Exponents": "studies.stability",
+    "Followed": "studies.orbit",
+    "HybridState": "studies.trajectory",
+    "LapwingAccessor": "accessor",
+    "LiftOff": "model.rigid_contact",
+    "Load": "model.oscillator",
+    "MeanRotation": "model.oscillator",
+    "Multipliers": "studies.stability",
+    "Orbit": "studies.orbit",
+    "Outcome": "run",
+    "Point": "studies.branch.special",
+    "Results": "results.file",
+    "Run": "studies.trajectory",
+    "Special": "studies.branch.special",
+    # Codes.
+    "BranchOutcome": "base.codes",
     "Ending": "base.codes",
     "EventKind": "base.codes",
     "MotionState": "base.codes",
+    "SearchStage": "base.codes",
+    "SpecialPoint": "base.codes",
     "Status": "base.codes",
 }
 __all__ = [*_HOMES, "__version__"]
-
 
 
 def __getattr__(name: str) -> object:
     if name == "__version__":
         return import_module("lapwing._build_info").VERSION
     if name not in _HOMES:
-        raise AttributeError(f"module 'lapwing' has no attribute {name!r}")
+        nearest = import_module("lapwing.base.messages").nearest
+        hint = "" if name.startswith("_") else f", {nearest(name, _HOMES, 3)}"
+        raise AttributeError(f"module 'lapwing' has no attribute {name!r}{hint}")
     return getattr(import_module(f"lapwing.{_HOMES[name]}"), name)
 
 

@@ -6,10 +6,14 @@ hand with `lapwing.accessor.register()`.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from lapwing.base.arguments import choice, wrong
+from lapwing.base.arguments import choice, flag, wrong
+from lapwing.base.arguments import path as file_path
+from lapwing.base.messages import nearest
+from lapwing.base.quantities import RATE
 from lapwing.base.registry import STUDIES
 
 if TYPE_CHECKING:
@@ -116,15 +120,15 @@ class LapwingAccessor:
             dim: ("impact", chosen[dim].values[one])
             for dim, one in zip(kept.dims, index, strict=True)}})
 
-    def table(self, dim: str | None = None) -> pd.DataFrame:
-        """Variables along one dimension as a table, codes in words: for a CSV file or a look.
-
-        ``run.events.lapwing.table().to_csv("events.csv", index=False)``
+    def table(self, dim: str | None = None, units: bool = False) -> pd.DataFrame:
+        """Variables along one dimension as a table, codes in words; into a CSV file: `to_csv`.
 
         Parameters
         ----------
         dim : str or None, the dimension; default: the only one, or `event`, `impact`, `sample`
             or `cycle`, the first that is there
+        units : bool, whether columns are named with their units, `phi [rad]`; `rad per tau` is a
+            rate in τ = natural_frequency · t, and what has no unit has none
 
         Returns
         -------
@@ -132,29 +136,52 @@ class LapwingAccessor:
 
         Raises
         ------
-        ValueError
+        TypeError, ValueError
             where it is not told which dimension is meant.
         """
         import numpy as np
         import pandas as pd
 
+        flag("units", units)
         dims = [str(one) for one in self._dataset.dims]
         usual = [one for one in ("event", "impact", "sample", "cycle") if one in dims]
         dim = dim or (dims[0] if len(dims) == 1 else usual[0] if usual else None)
         if dim not in dims:
             raise ValueError(wrong("dim", dim, f"one of {', '.join(dims)}"))
         columns: dict[str, Any] = {}
-        for name, variable in self._dataset.variables.items():
-            if variable.dims != (dim,):
-                continue
+        along = {str(name): variable for name, variable in self._dataset.variables.items()
+                 if variable.dims == (dim,)}
+        # Times first, whatever they are beside: coordinates or not.
+        for name in sorted(along, key=lambda one: not one.endswith(("tau", "time"))):
+            variable = along[name]
             words = str(variable.attrs.get("flag_meanings", "")).split()
+            head = f"{name} [{_unit(variable.attrs)}]" if units and _unit(variable.attrs) else name
             if words and "flag_values" in variable.attrs:
                 known = dict(zip(np.atleast_1d(variable.attrs["flag_values"]).tolist(), words,
                                  strict=True))
-                columns[str(name)] = [known.get(one, "") for one in variable.values.tolist()]
+                columns[head] = [known.get(one, "") for one in variable.values.tolist()]
             else:
-                columns[str(name)] = variable.values
+                columns[head] = variable.values
         return pd.DataFrame(columns)
+
+    def to_csv(self, path: str | os.PathLike[str], dim: str | None = None) -> None:
+        """Write `table` into a CSV file, units in its header: `time [s],tau,cycle,phase,kind, …`.
+
+        ``run.events.lapwing.to_csv("events.csv")``
+
+        Parameters
+        ----------
+        path : str or path
+        dim : as of `table`
+
+        Raises
+        ------
+        TypeError, ValueError
+            for a refused argument.
+        OSError
+            where the file cannot be written.
+        """
+        self.table(dim, units=True).to_csv(file_path("path", path), index=False)
 
     def figures(self) -> tuple[str, ...]:
         """Names of the figures that this Dataset can be drawn as, methods of this object."""
@@ -188,8 +215,7 @@ class LapwingAccessor:
             raise AttributeError(name)
         known = self.figures()
         if name not in known:
-            raise AttributeError(f"no figure {name!r} of this Dataset, expected one of "
-                                 f"{', '.join(known) or 'none'}")
+            raise AttributeError(self._unknown(name, known))
         from lapwing.plots import figure_of
         from lapwing.results.file import pair_attributes
 
@@ -200,8 +226,24 @@ class LapwingAccessor:
 
         return drawn
 
+    def _unknown(self, name: str, figures: tuple[str, ...]) -> str:
+        """What to say of a name that is neither a method nor a figure of this Dataset."""
+        methods = [one for one in vars(type(self)) if not one.startswith("_")]
+        every = [one for study in STUDIES.values() for one in study.figure_names]
+        why = "this Dataset has not what the figure shows" if name in every else \
+            nearest(name, [*methods, *figures], 3)
+        return f"no method or figure {name!r} of this Dataset, {why}; its figures are " \
+               f"{', '.join(figures) or 'none'}"
+
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *self.figures()})
+
+
+def _unit(attrs: Mapping[Any, Any]) -> str:
+    """Unit of a variable as a header says it; empty text, none."""
+    unit = str(attrs.get("units", "1"))
+    rate = unit == "rad" and "per unit of" in str(attrs.get("long_name", ""))
+    return RATE if rate else unit * (unit != "1")
 
 
 def register() -> None:

@@ -13,6 +13,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, TextIO
 
+from lapwing.base import arguments
+
 PATIENCE = 1.0
 # Seconds between two lines of a log.
 MINUTE = 60.0
@@ -227,6 +229,7 @@ def begun(title: object, what: str) -> Bars | Lines:
 
 
 @contextmanager
+@arguments.complete()
 def progress_bar(label: str = "", total: int = 100, unit: str = "%") -> Iterator[
         Callable[[float], None]]:
     """A bar in a terminal or a notebook for what takes long in Python.

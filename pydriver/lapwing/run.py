@@ -84,6 +84,7 @@ class Outcome:
     notes: tuple[Any, ...] = ()
 
 
+@arguments.complete()
 def run_deck(deck: Deck, parent: str | os.PathLike[str], *, threads: int | None = None,
              force: bool = False, progress: Any = None, figures: str = "all",
              executor: Executor | None = None) -> Outcome:

@@ -109,7 +109,7 @@ def test_refused_arrays(value, kind):
 @pytest.mark.parametrize(("converter", "value", "more"), [
     (arguments.flag, 1, ()), (arguments.flag, "True", ()), (arguments.flag, None, ()),
     (arguments.choice, 1, (("a", "b"),)), (arguments.choice, ["a"], (("a", "b"),)),
-    (arguments.choices, "a", (("a", "b"),)), (arguments.choices, None, (("a", "b"),)),
+    (arguments.choices, "c", (("a", "b"),)), (arguments.choices, None, (("a", "b"),)),
     (arguments.function, 1, ()), (arguments.instance, 1, (str,)), (arguments.path, 1, ()),
     (arguments.path, True, ())])
 def test_refused_types(converter, value, more):

@@ -93,7 +93,7 @@ def test_the_command_that_is_printed_repeats_the_run_that_failed(failing, tmp_pa
     assert (last["tau"], last["phase"]) == (found["tau"], pytest.approx(found["phase"]))
     rows = (tmp_path / "why" / "events.csv").read_text(encoding="utf-8").splitlines()
     assert len(rows) == 1 + found["events"]
-    assert sum(row.split(",")[1] == str(last["cycle"]) for row in rows[1:]) == 7
+    assert sum(row.split(",")[2] == str(last["cycle"]) for row in rows[1:]) == 7
     cycles = (tmp_path / "why" / "cycles.csv").read_text(encoding="utf-8").splitlines()
     assert len(cycles) == 2 + last["cycle"] and cycles[-1].endswith("False")
     said = call(*command[1:], "--last", 1).stdout

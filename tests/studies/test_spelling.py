@@ -1,6 +1,7 @@
 """One spelling in the API: the same words everywhere, old ones with a warning."""
 
 import math
+import re
 import warnings
 
 import numpy as np
@@ -20,8 +21,60 @@ def test_old_names_are_heard_with_a_warning():
     with pytest.warns(DeprecationWarning, match="settle_cycles is called settle"):
         old = lapwing.response(scene_a(3.3), PAIR, name="x", settle_cycles=20, record_cycles=10)
     assert old.identical(lapwing.response(scene_a(3.3), PAIR, name="x", **SHORT))
-    with pytest.raises(TypeError, match="unexpected keyword argument 'recrod'"):
-        lapwing.simulate(scene_a(3.3), recrod=())
+
+
+def test_a_warning_points_at_the_call():
+    with pytest.warns(DeprecationWarning) as heard:
+        lapwing.simulate(scene_a(3.3), cycles=1, record=())
+    assert heard[0].filename == __file__
+
+
+CALLS = {
+    "oscillator": (lambda: PAIR.oscillator(SHIPPED, torque=1.8, pinion_rpm=240),
+                   ["'torque' is unknown, did you mean .*'brake_torque'",
+                    r"'pinion_rpm' is unknown, did you mean 'pinion_speed_rpm'\?",
+                    "brake_torque is missing, expected: brake torque on the gear, N·m",
+                    "one of pinion_speed_rpm, .* is missing"]),
+    "sweep": (lambda: lapwing.sweep(PAIR, SHIPPED, torque=[1.0], pinion_speed_rpm=240),
+              ["'torque' is unknown, did you mean .*'brake_torque'", "values is missing$"]),
+    "a sweep of something else": (
+        lambda: lapwing.sweep(PAIR, SHIPPED, parameter="backlash", values=[1e-3],
+                              pinion_speed_rpm=240), ["oscillator: brake_torque is missing"]),
+    "a sweep with more wrong": (
+        lambda: lapwing.sweep(PAIR, SHIPPED, parameter="backlash", values=[1e-3], speed=240),
+        ["'speed' is unknown, did you mean 'pinion_speed_rpm'", "brake_torque is missing",
+         "one of pinion_speed_rpm"]),
+    "a map of speeds": (
+        lambda: lapwing.parameter_map(PAIR, SHIPPED, {
+            "backlash": [1e-3], "pinion_speed_rpm": [240.0]}),
+        ["oscillator: brake_torque is missing, expected: brake torque on the gear, N·m$"]),
+    "find_orbit": (lambda: lapwing.find_orbit(scene_a(3.3), torqe=1),
+                   ["find_orbit: 'torqe' is unknown, known are osc, start, cycles, settle"]),
+    "by position": (lambda: lapwing.sweep(PAIR, SHIPPED, [1.0], pinion_speed_rpm=240),
+                    [r"3 arguments without a name, expected at most 2 \(pair, te\)",
+                     "values is missing"]),
+    "twice": (lambda: lapwing.simulate(scene_a(3.3), osc=scene_a(3.3)), ["osc is given twice"]),
+    "class": (lambda: lapwing.Numerics(rtoll=1e-6), ["Numerics: 'rtoll' .* did you mean 'rtol'"]),
+    "factory": (lambda: lapwing.TransmissionError.harmonic(amplitude=[1e-5]),
+                ["did you mean 'amplitudes'", "amplitudes is missing"]),
+}
+
+
+@pytest.mark.parametrize("what", CALLS)
+def test_wrong_names_are_answered_all_at_once(what):
+    call, said = CALLS[what]
+    with pytest.raises(lapwing.ArgumentError) as refused:
+        call()
+    assert isinstance(refused.value, TypeError)
+    assert len(refused.value.problems) == len(said)
+    for pattern in said:
+        assert re.search(pattern, str(refused.value))
+
+
+def test_what_is_varied_is_not_given_beside():
+    for find in (lapwing.sweep, lapwing.critical_safe):
+        with pytest.raises(ValueError, match=r"brake_torque = 3\.3, expected none beside"):
+            find(PAIR, SHIPPED, values=[1e-3, 2e-3], brake_torque=3.3, pinion_speed_rpm=240)
 
 
 def test_numerics_say_the_same_as_single_settings():

@@ -2,26 +2,30 @@
 
 Each takes the argument's name and what was given, and returns a plain Python or NumPy value or
 raises TypeError (no such kind of thing) or ValueError (one out of range), naming the argument,
-what was given, in bounded length, and what is expected.
+what was given, in bounded length, and what is expected. `complete` looks at the names of a call.
 """
 
 from __future__ import annotations
 
+import inspect
 import math
 import os
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache, wraps
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
-from lapwing.base.messages import cut
+from lapwing.base.messages import cut, nearest
+from lapwing.base.quantities import PARAMETERS
 
 if TYPE_CHECKING:
     from lapwing.base.codes import MotionState
 
 Kind = TypeVar("Kind")
+Called = TypeVar("Called", bound=Callable[..., Any])
 # The engine counts in 32 bits.
 MAX_INT = 2**31 - 1
 # Parameters lie between these, or are zero: squares and the products of two of those stay far
@@ -119,32 +123,123 @@ def flag(name: str, value: object) -> bool:
     return given
 
 
+class ArgumentError(TypeError):
+    """A call with names that are unknown, lacking or doubled; `problems` holds a sentence each."""
+
+    def __init__(self, who: str, problems: Sequence[str]) -> None:
+        self.who, self.problems = who, tuple(problems)
+        super().__init__(f"{who}: " + "; ".join(self.problems))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.who, self.problems)
+
+
+def complete(*, old: Sequence[str] = (), operation: Callable[..., Any] | None = None,
+             varied: str = "", one_of: Sequence[str] = ()) -> Callable[[Called], Called]:
+    """Decorator of a function or class whose calls are looked at before anything is done.
+
+    Parameters
+    ----------
+    old : old names of arguments, which `renamed` takes from ``**old``
+    operation : method with the same decorator whose other arguments it takes as ``**operation``
+    varied : the argument that names what is varied and so no part of the operation: a name, or a
+        mapping of names
+    one_of : names of which one is expected, told with other problems only
+
+    Returns
+    -------
+    decorator; what it gives raises ArgumentError, a TypeError, with every problem of a call's names
+    """
+    def decorate(function: Called) -> Called:
+        if isinstance(function, type):
+            begin = cast(Any, function)
+            begin.__init__ = _complete(begin.__init__, function.__name__, old, None, "", one_of)
+            return function
+        return cast(Called, _complete(function, function.__name__, old, operation, varied, one_of))
+    return decorate
+
+
+def _complete(function: Callable[..., Any], who: str, old: Sequence[str],
+              operation: Any, varied: str, one_of: Sequence[str]) -> Callable[..., Any]:
+    signature = inspect.signature(function).parameters
+    bound = next(iter(signature), "") in ("self", "cls")
+    own = {name: one for name, one in list(signature.items())[bound:]
+           if one.kind is not one.VAR_KEYWORD}
+    positional = [name for name, one in own.items() if one.kind is not one.KEYWORD_ONLY]
+    needed = {name for name, one in own.items() if one.default is one.empty}
+    others, wanted = [[name for name in names if name not in own] for names in operation.taken] \
+        if operation else ([], [])
+    one_of = operation.one_of if operation else one_of
+
+    @cache
+    def rules(count: int) -> tuple[frozenset[str], frozenset[str]]:
+        """Names that may, and that must, follow so many arguments by position."""
+        before = positional[:count]
+        return (frozenset({*own, *old, *others}.difference(before)),
+                frozenset(needed.difference(before)))
+
+    def varying(args: tuple[Any, ...], given: dict[str, Any]) -> Iterable[str]:
+        """What is varied; where that will be refused, all that is wanted, to say no more of it."""
+        known = dict(zip(positional, args, strict=False)) | given
+        what = known.get(varied, own[varied].default) if varied else ()
+        names = (what,) if isinstance(what, str) else what if isinstance(what, Mapping) else ("",)
+        return names if PARAMETERS.keys() >= set(names) else wanted
+
+    @wraps(function)
+    def called(*args: Any, **given: Any) -> Any:
+        count = len(args) - bound
+        may, must = rules(min(count, len(positional)))
+        if count > len(positional) or not given.keys() <= may or not must <= given.keys():
+            # What its operation lacks alone is said by the operation, after the function's own say.
+            there = {*given, *varying(args[bound:], given)}
+            lacking = [name for name in (*own, *wanted) if name in must.union(wanted) - there]
+            raise ArgumentError(who, _call_problems(
+                positional, count, given, [*own, *others], may, lacking,
+                one_of if there.isdisjoint(one_of) else ()))
+        return function(*args, **given)
+
+    cast(Any, called).taken = (list(own), [name for name in own if name in needed])
+    cast(Any, called).one_of = one_of
+    return called
+
+
+def _call_problems(positional: list[str], count: int, given: dict[str, Any], known: list[str],
+                   may: frozenset[str], lacking: list[str], one_of: Sequence[str]) -> list[str]:
+    """One sentence for each name that does not fit, or is not there."""
+    problems = []
+    if count > len(positional):
+        problems.append(f"{count} arguments without a name, expected at most {len(positional)}"
+                        + f" ({', '.join(positional)}), others by name" * bool(positional))
+    problems += [f"{name} is given twice" if name in known else
+                 f"{shown(name)} is unknown, {nearest(name, known, 3)}"
+                 for name in given if name not in may]
+    for name in lacking:
+        about = PARAMETERS.get(name)
+        words = f", expected: {about.long_name}{f', {about.shown}' * bool(about.shown)}" \
+            if about else ""
+        problems.append(f"{name} is missing{words}")
+    if one_of:
+        problems.append(f"one of {', '.join(one_of)} is missing")
+    return problems
+
+
 def renamed(old: dict[str, Any], who: str, names: dict[str, tuple[str, Any]]) -> list[Any]:
     """Values of arguments some of which have old names; a warning for each old one.
 
     Parameters
     ----------
-    old : keyword arguments of a function that it does not know by their names today
+    old : keyword arguments by their old names, of a function that is `complete`
     who : the function
     names : old name -> (name today, its value)
 
     Returns
     -------
     list of the values, in the order of `names`
-
-    Raises
-    ------
-    TypeError
-        for a keyword that is not even an old name.
     """
-    for name in old.keys() - names.keys():
-        raise TypeError(f"{who}() got an unexpected keyword argument {name!r}")
-    values = []
-    for name, (today, value) in names.items():
-        if name in old:
-            warnings.warn(f"{who}: {name} is called {today}", DeprecationWarning, stacklevel=3)
-        values.append(old.get(name, value))
-    return values
+    for name in old:
+        # Of whoever called the function: `complete` stands between.
+        warnings.warn(f"{who}: {name} is called {names[name][0]}", DeprecationWarning, stacklevel=4)
+    return [old.get(name, value) for name, (_, value) in names.items()]
 
 
 def choice(name: str, value: object, allowed: Iterable[str]) -> str:
@@ -160,10 +255,12 @@ def choice(name: str, value: object, allowed: Iterable[str]) -> str:
 
 
 def choices(name: str, value: object, allowed: Iterable[str], *, least: int = 0) -> tuple[str, ...]:
-    """Some of some words, each once; a single word is no list of them."""
+    """Some of some words, each once; a single one of them is a list of one."""
+    if isinstance(value, str) and value in allowed:
+        return (str(value),)
     if type(value) is tuple and len(value) == 1 and type(value[0]) is str and value[0] in allowed:
         return value
-    expected = f"a tuple of {', '.join(map(repr, allowed))}, each once"
+    expected = f"one or more of {', '.join(map(repr, allowed))}, each once"
     try:
         words = None if isinstance(value, str | bytes | dict) \
             else tuple(cast(Iterable[Any], value))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import html
 import math
 import re
@@ -49,6 +50,24 @@ def decimals(value: float, bar: float) -> tuple[str, str]:
     """`value` to the digits that its bar leaves, and the bar to two digits."""
     places = max(0, 1 - math.floor(math.log10(bar))) if bar > 0 else 6
     return f"{value:.{places}f}", f"{bar:.2g}"
+
+
+def likely(name: str, known: Iterable[str], most: int = 1) -> list[str]:
+    """Known names that are most similar to another, or hold it as a word; at most `most`."""
+    word, known = cut(name, 100).lower(), list(known)
+    near = difflib.get_close_matches(word, known, most, cutoff=0.6)
+    parts = [one for one in known if one not in near and (
+        word in one.split("_") or set(one.split("_")) <= set(word.split("_")))]
+    return (near + parts)[:most]
+
+
+def nearest(name: str, known: Iterable[str], most: int = 1) -> str:
+    """`did you mean 'x'?` for the most similar known names, else all of them."""
+    known = list(known)
+    near = likely(name, known, most)
+    if near:
+        return f"did you mean {' or '.join(map(repr, near))}?"
+    return "known are " + ", ".join(known)
 
 
 def facts_html(title: str, facts: Mapping[str, object]) -> str:

@@ -131,7 +131,7 @@ VELOCITY = "per unit of dimensionless time tau = natural_frequency * t"
 # Units (UDUNITS) and long names by variable; a cycle_X is described as X.
 DESCRIPTIONS: dict[str, tuple[str | None, str]] = {
     "tau": ("1", "dimensionless time, natural_frequency * t"),
-    "time": ("s", "time from the first recorded mesh cycle"),
+    "time": ("s", "time from the beginning of what is recorded"),
     "phase": ("1", "mesh phase, in mesh periods"),
     "cycle": ("1", "mesh cycle, from the first recorded one"),
     "sample_cycle": ("1", "mesh cycle of the sample, from the first recorded one"),

@@ -112,7 +112,7 @@ def _write(run: Run, out: Path) -> None:
     give_accessor()
     out.mkdir(parents=True, exist_ok=True)
     for name in ("events", "cycles"):
-        getattr(run, name).lapwing.table().to_csv(out / f"{name}.csv", index=False)
+        getattr(run, name).lapwing.to_csv(out / f"{name}.csv")
 
 
 def _lines(facts: dict[str, Any]) -> list[str]:

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from lapwing.base import arguments
-from lapwing.base.messages import cut
+from lapwing.base.messages import cut, nearest
 from lapwing.deck import schema
 from lapwing.deck.checks import assemble as checks
 from lapwing.deck.checks import hints
 from lapwing.deck.parser import Entry, Group, excess_of, lex_value, parse, read_deck
-from lapwing.deck.problems import DeckError, Place, Report, nearest
+from lapwing.deck.problems import DeckError, Place, Report
 from lapwing.deck.values import (
     Bare,
     Value,
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 _NO_VALUE = ("OPEN", "CLOSE", "KEY", "EQUALS", "HASH")
 
 
+@arguments.complete()
 def load_deck(path: Any, overrides: Any = ()) -> Deck:
     """Read and check a deck.
 

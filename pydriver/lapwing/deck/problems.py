@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from lapwing.base.messages import bounded, cut, cut_words
+from lapwing.base.messages import bounded, cut_words
 
 
 class Place(NamedTuple):
@@ -89,11 +88,3 @@ def _ordered(unordered: Iterable[Problem]) -> tuple[Problem, ...]:
     rank = {file: i for i, file in enumerate(files)}
     problems.sort(key=lambda p: (rank[p.file], p.line, p.column))
     return tuple(bounded(problems, lambda p: p.text, lambda p, text: replace(p, text=text)))
-
-
-def nearest(name: str, known: Any) -> str:
-    """`did you mean 'x'?` for the most similar known name, else all of them."""
-    guess = difflib.get_close_matches(cut(name, 100).lower(), known, 1, cutoff=0.6)
-    if guess:
-        return f"did you mean {guess[0]!r}?"
-    return "known are " + ", ".join(known)

@@ -12,6 +12,7 @@ from lapwing.base.arguments import Refusals
 METHODS = ("auto", "exact", "rk4")
 
 
+@arguments.complete()
 @dataclass(frozen=True, kw_only=True)
 class Numerics:
     """Tolerances and bounds of a run.

@@ -35,6 +35,7 @@ LEAST_LEFT = 1e-6
 LEAST_EIGENVALUE = 1e-10
 
 
+@arguments.complete()
 @dataclass(frozen=True)
 class Draw:
     """Distribution of one number.

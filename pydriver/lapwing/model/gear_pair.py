@@ -25,7 +25,10 @@ from lapwing.model.oscillator import (
 if TYPE_CHECKING:
     from lapwing.model.transmission_error.table import TransmissionError
 
+SPEEDS = ("pinion_speed_rpm", "pinion_speed_rad_s", "mesh_frequency_hz")
 
+
+@arguments.complete()
 @dataclass(frozen=True)
 class GearPair:
     """Two rigid bodies coupled by the mesh; torsion only.
@@ -160,6 +163,7 @@ class GearPair:
                             self.gear_inertia / self.total_inertia,
                             mesh_frequency_ratio / self.pinion_teeth)
 
+    @arguments.complete(one_of=SPEEDS)
     def oscillator(self, te: TransmissionError, *, brake_torque: float,
                    drive_torque: float | None = None, pinion_speed_rpm: float | None = None,
                    pinion_speed_rad_s: float | None = None, mesh_frequency_hz: float | None = None,
@@ -201,7 +205,10 @@ class GearPair:
                 mean_rotation=self._mean_rotation(ratio, brake_torque, drive_torque)
                 if degrees == 2 and not problems else None,
                 scales=Scales(self.natural_frequency, self.force_per_torque),
-                load=None if problems else Load(force, float(brake_torque), drive_torque))
+                load=None if problems else Load(
+                    force, float(brake_torque), drive_torque, ratio,
+                    next((name, float(speed)) for name, speed in speeds.items()
+                         if speed is not None)))
         except ParameterError as error:
             problems += error.problems
         if problems:

@@ -110,6 +110,7 @@ class EngagedResponse:
         return last
 
 
+@arguments.complete()
 def engaged_response(osc: Oscillator) -> EngagedResponse:
     """Periodic solution of the engaged equation for any table, at the oscillator's own force.
 
@@ -136,6 +137,7 @@ def engaged_response(osc: Oscillator) -> EngagedResponse:
     return replace(response, coefficients=coefficients, minimum=response.minimum + osc.force)
 
 
+@arguments.complete()
 def critical_force(osc: Oscillator) -> CriticalForce:
     """Smallest force of complete engagement, F_crit = -min h, whatever force `osc` has.
 
@@ -158,6 +160,7 @@ def critical_force(osc: Oscillator) -> CriticalForce:
     return CriticalForce(-response.minimum, response.minimum_phase)
 
 
+@arguments.complete()
 def critical_torque(osc: Oscillator) -> tuple[float, float]:
     """Smallest brake torque (N·m, drive torque in balance) of complete engagement, and phase.
 

@@ -20,6 +20,8 @@ from lapwing.base.codes import ContactLaw, Gap, ImpactLaw
 from lapwing.base.messages import facts_html
 from lapwing.model.transmission_error import TransmissionError
 
+# Numbers that differ by no more, in parts of them, are the same but for rounding.
+ALIKE = 1e-14
 TE_SIGNS = {"printed": 1.0, "geometric": -1.0}
 
 
@@ -31,6 +33,7 @@ class ParameterError(ValueError):
         super().__init__(f"{what}: " + "; ".join(self.problems))
 
 
+@arguments.complete()
 @dataclass(frozen=True)
 class Scales:
     """What turns dimensionless results into physical units.
@@ -52,18 +55,22 @@ class Scales:
 
 @dataclass(frozen=True)
 class Load:
-    """The torques an oscillator was made from.
+    """The torques and the speed an oscillator was made from.
 
     Parameters
     ----------
     force : float, rad; the force F they give
     brake_torque : float, N·m; on the gear
     drive_torque : float or None, N·m; on the pinion; None: the balance
+    mesh_frequency_ratio : float; Ω that the speed gives
+    speed : (str, float) or None, as what it was given, and its value
     """
 
     force: float
     brake_torque: float
     drive_torque: float | None = None
+    mesh_frequency_ratio: float = math.nan
+    speed: tuple[str, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -107,6 +114,7 @@ class MeanRotation:
         return (self.pinion_rate + osc.gear_ratio * rate) * osc.scales.natural_frequency
 
 
+@arguments.complete()
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Oscillator:
     """Parameters of the dimensionless oscillator, checked against each other.
@@ -128,7 +136,8 @@ class Oscillator:
     te_scale : float; factor of the transmission error: Δφ is te_scale times `te`
     scales : Scales or None
     mean_rotation : MeanRotation or None; with it there are two degrees of freedom (no 'rigid' law)
-    load : Load or None, the torques behind `force`; of another force they say nothing
+    load : Load or None, the torques behind `force` and the speed behind `mesh_frequency_ratio`; of
+        others they say nothing
 
     Raises
     ------
@@ -219,9 +228,30 @@ class Oscillator:
 
         None where neither is known: the oscillator was made without a gear pair.
         """
-        if self.load is not None and self.load.force == self.force:
-            return self.load.brake_torque
-        return None if self.scales is None else self.force / self.scales.force_per_torque
+        return self.operation.get("brake_torque")
+
+    @property
+    def operation(self) -> dict[str, float]:
+        """Torques (N·m) and speed by their names in `GearPair.oscillator`, those that are known.
+
+        As given where they still give `force` and `mesh_frequency_ratio`, to rounding; else, with
+        `scales`, brake_torque at the balance and mesh_frequency_hz.
+        """
+        known: dict[str, float] = {}
+        load, scales = self.load, self.scales
+        if load is not None and math.isclose(load.force, self.force, rel_tol=ALIKE):
+            known["brake_torque"] = load.brake_torque
+            if load.drive_torque is not None:
+                known["drive_torque"] = float(load.drive_torque)
+        elif scales is not None:
+            known["brake_torque"] = self.force / scales.force_per_torque
+        if load is not None and load.speed is not None and math.isclose(
+                load.mesh_frequency_ratio, self.mesh_frequency_ratio, rel_tol=ALIKE):
+            known[load.speed[0]] = load.speed[1]
+        elif scales is not None:
+            frequency = self.mesh_frequency_ratio * scales.natural_frequency
+            known["mesh_frequency_hz"] = frequency / (2 * math.pi)
+        return known
 
     @property
     def degrees_of_freedom(self) -> int:

@@ -33,6 +33,7 @@ class LiftOff(NamedTuple):
     reason: str = ""
 
 
+@arguments.complete()
 def lift_off_force(osc: Oscillator) -> LiftOff:
     """Smallest mean force F at which a rigid tooth that rests on the drive flank stays there.
 

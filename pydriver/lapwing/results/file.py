@@ -310,7 +310,8 @@ def verify(path: Any) -> bool:
     return verify_file(path)
 
 
-def read_results(path: Any, check: bool = True) -> Results:
+@arguments.complete()
+def open_results(path: Any, check: bool = True) -> Results:
     """Open a result file, once it is known to be whole.
 
     Parameters
@@ -376,7 +377,7 @@ def stored_studies(results: Results) -> dict[tuple[str, str], xr.Dataset]:
     return studies
 
 
-open_results = read_results
+read_results = open_results
 
 __all__ = ["DamagedFile", "Results", "engine_digest", "open_results", "provenance",
            "read_results", "stored_studies", "verify", "write_results"]

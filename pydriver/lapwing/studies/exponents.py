@@ -12,6 +12,7 @@ from lapwing.studies.stability import CycleMaps, Exponents
 from lapwing.studies.trajectory import checked_start, engine_start
 
 
+@arguments.complete()
 def exponents(osc: Oscillator, start: str | tuple[object, float, float] = "rest", *,
               phase: float = 0.0, settle: int = 400, record: int = 1000,
               numerics: Numerics | None = None) -> Exponents:

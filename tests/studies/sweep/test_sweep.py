@@ -163,7 +163,7 @@ def test_any_number_may_be_swept():
 
 @pytest.mark.parametrize(("changed", "said"), [
     ({"values": []}, "at least one"), ({"values": [1, np.nan]}, "finite"),
-    ({"starts": "rest"}, "starts"), ({"starts": ("sideways",)}, "starts"),
+    ({"starts": "reset"}, "starts"), ({"starts": ("sideways",)}, "starts"),
     ({"starts": ()}, "starts is empty"), ({"settle": -1}, "settle"), ({"record": 0}, "record"),
     ({"record": 1.5}, "record"), ({"observe": ("all",)}, "observe"),
     ({"rtol": 1.0}, "rtol"), ({"contact_law": "rigid", "impact_law": "absolute"}, "absolute"),

@@ -30,6 +30,7 @@ def test_numbers_are_those_of_each_oscillator(parameter, drive_torque, degrees):
                  "te_sign": "geometric", "degrees_of_freedom": degrees}
     if parameter in ("pinion_speed_rpm", "pinion_speed_rad_s"):
         del operation["mesh_frequency_hz"]
+    operation.pop(parameter, None)
     found = Varied(PAIR, TE, parameter, values, operation).points
     expected = Points.of([oscillator_at(PAIR, TE, parameter, value, operation)
                           for value in values])
@@ -47,7 +48,9 @@ def test_numbers_are_those_of_each_oscillator(parameter, drive_torque, degrees):
 @pytest.mark.parametrize("degrees", [1, 2])
 def test_numbers_of_several_parameters_are_those_of_each_oscillator(given, degrees):
     te = TransmissionError.parabola(4e-5)
-    operation = {"brake_torque": 4.4, "mesh_frequency_hz": 100.0, "degrees_of_freedom": degrees}
+    operation = {name: number for name, number in (
+        ("brake_torque", 4.4), ("mesh_frequency_hz", 100.0), ("degrees_of_freedom", degrees))
+        if name not in given}
     values = {name: np.array(one) for name, one in given.items()}
     found = points_at(PAIR, te, values, operation)
     one_by_one = []

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
+from lapwing.base.messages import nearest
 from lapwing.deck import schema
 from lapwing.deck.checks.curve import curve_options
 from lapwing.deck.checks.drawn import check_drawn, check_use, expected, out_of_range
@@ -18,7 +19,7 @@ from lapwing.deck.checks.magnitudes import warn_of_torques, warn_of_units
 from lapwing.deck.checks.te_table import file_table, flat, formula_table
 from lapwing.deck.deck import Deck
 from lapwing.deck.declare import parameter_name
-from lapwing.deck.problems import Place, nearest
+from lapwing.deck.problems import Place
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.oscillator import ParameterError
 

@@ -40,6 +40,7 @@ MOST_DERIVATIVES = 20
 MOST_ORDER = 1000
 
 
+@arguments.complete()
 @dataclass(frozen=True, eq=False, repr=False)
 class TransmissionError:
     """Periodic piecewise-polynomial transmission error (degree at most 5).
@@ -246,14 +247,14 @@ class TransmissionError:
         return type(self)(*parts, self.te_sign_hint)
 
     @classmethod
+    @arguments.complete()
     def from_hermite(cls, phase: ArrayLike, value: ArrayLike, slope_left: ArrayLike,
                      slope_right: ArrayLike | None = None) -> TransmissionError:
         """Cubic Hermite pieces between rows of value and slope.
 
         Parameters
         ----------
-        phase : (n,) array, mesh periods, strictly ascending in [0, 1)
-        value : (n,) array, rad
+        phase, value : (n,) arrays; mesh periods, strictly ascending in [0, 1), and rad
         slope_left, slope_right : (n,) arrays, rad per period
             Slopes on the two sides of each row; one array serves for both sides.  A row is a
             kink exactly where the two numbers differ.
@@ -266,6 +267,7 @@ class TransmissionError:
         return cls(*hermite_table(phase, value, slope_left, slope_right))
 
     @classmethod
+    @arguments.complete()
     def from_samples(cls, phase: ArrayLike, value: ArrayLike,
                      kinks: ArrayLike = ()) -> TransmissionError:
         """Periodic C2 cubic spline through samples, broken at marked kinks.
@@ -275,8 +277,7 @@ class TransmissionError:
 
         Parameters
         ----------
-        phase : (n,) array, mesh periods, strictly ascending in [0, 1)
-        value : (n,) array, rad
+        phase, value : (n,) arrays; mesh periods, strictly ascending in [0, 1), and rad
         kinks : (n,) array of 0/1, or empty for none
 
         Raises
@@ -287,6 +288,7 @@ class TransmissionError:
         return cls(*spline_table(phase, value, kinks))
 
     @classmethod
+    @arguments.complete()
     def harmonic(cls, amplitudes: ArrayLike, shifts: ArrayLike | None = None,
                  orders: ArrayLike | None = None) -> TransmissionError:
         """Sum of amplitude·cos(2π·order·phase + shift), tabulated by quintic Hermite pieces.
@@ -296,8 +298,7 @@ class TransmissionError:
 
         Parameters
         ----------
-        amplitudes : (m,) array, rad
-        shifts : (m,) array, rad; default 0
+        amplitudes, shifts : (m,) arrays, rad; shifts default to 0
         orders : (m,) array of integers >= 0; default 1, 2, … m
 
         Raises
@@ -321,12 +322,14 @@ class TransmissionError:
         return cls(knots, coefficients, np.zeros(knots.size - 1, dtype=bool), series)
 
     @classmethod
+    @arguments.complete()
     def parabola(cls, amplitude: float) -> TransmissionError:
         """Δφ = -4·amplitude·(phase - ½)², kinked at phase 0; amplitude (rad) > 0: cusp down."""
         amplitude = arguments.real("amplitude", amplitude)
         return cls.from_hermite([0.0], [-amplitude], [-4 * amplitude], [4 * amplitude])
 
     @classmethod
+    @arguments.complete()
     def from_tca(cls, pinion_angle: ArrayLike, gear_angle: ArrayLike, pinion_teeth: int,
                  gear_teeth: int, reference: ArrayLike = (0.0, 0.0)) -> TransmissionError:
         """Table from angle pairs: Δφ = (φ2 - φ2*) - (Z1/Z2)(φ1 - φ1*), phase = Z1(φ1 - φ1*)/2π.
@@ -352,6 +355,7 @@ class TransmissionError:
         return replace(table, te_sign_hint="geometric")
 
     @classmethod
+    @arguments.complete()
     def from_file(cls, path: str | os.PathLike[str], *, pinion_teeth: int | None = None,
                   gear_teeth: int | None = None,
                   reference: ArrayLike = (0.0, 0.0)) -> TransmissionError:

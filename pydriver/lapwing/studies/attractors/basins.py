@@ -39,6 +39,7 @@ MOST_ALONG = 20_000
 CYCLES, BOX = 100, 5
 
 
+@arguments.complete()
 def basins(osc: Oscillator, plane: str = "state", *, size: Any = 256, phi: Any = None,
            phi_dot: Any = None, phase: float = 0.0, speed: Any = None, most_cycles: int = 1000,
            returns: int = 30, recurrences: int = 50, resolution: int = 256,

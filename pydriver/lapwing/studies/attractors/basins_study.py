@@ -17,7 +17,7 @@ from lapwing.studies.again import Again
 from lapwing.studies.attractors.basins import basins, job_of
 from lapwing.studies.attractors.plane import Cells
 from lapwing.studies.attractors.search import followed
-from lapwing.studies.labels import labels
+from lapwing.studies.labels import own_operation
 from lapwing.studies.trajectory import run_from
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def carry_out(deck: Deck, study: Asked, order: int, threads: int,
     """The basins of one plane; a signal keeps the shards that are finished. See `registry`."""
     result = basins(**_arguments(deck, study), folder=folder, threads=threads, progress=done,
                     notes=notes, executor=executor, keep_interrupted=True)
-    return result.assign_attrs(labels(deck, study))
+    return result.assign_attrs(own_operation(deck, study))
 
 
 def job(deck: Deck, study: Asked) -> Cells:

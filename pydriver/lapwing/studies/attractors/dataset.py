@@ -12,6 +12,7 @@ from lapwing.base.codes import Ending, Status
 from lapwing.base.quantities import worded
 from lapwing.studies.attractors.motions import RECORD, SAME
 from lapwing.studies.ensemble.statistics import Sample, probability
+from lapwing.studies.labels import settings
 from lapwing.studies.period import MAX_PERIOD, class_name
 
 if TYPE_CHECKING:
@@ -92,17 +93,13 @@ def about(search: Search) -> dict[str, Any]:
     osc, (cells, box) = search.osc, (search.known().cells, search.known().box)
     aperiodic = any(not one.period for one in search.motions)
     size = np.array([box[1] - box[0], box[3] - box[2]]) / cells.shape
-    return {"contact_law": osc.contact_law, "impact_law": osc.impact_law, "gap": osc.gap,
-            "arrival": arrivals_of(osc.contact_law).word, "force": osc.force,
-            **({"brake_torque": osc.load.brake_torque} if osc.load is not None else {}),
+    return {**settings(osc, search.numerics), "arrival": arrivals_of(osc.contact_law).word,
             "most_cycles": search.most_cycles, "returns": search.returns,
             "recurrences": search.recurrences, "resolution": search.resolution,
             "same_within": SAME, "max_period": MAX_PERIOD,
             "cell_phi": float(size[0]) if aperiodic else float("nan"),
             "cell_phi_dot": float(size[1]) if aperiodic else float("nan"),
-            "recorded_cycles": RECORD if aperiodic else 0,
-            "rtol": search.numerics.rtol, "method": search.numerics.method,
-            "count_depth": search.numerics.count_depth}
+            "recorded_cycles": RECORD if aperiodic else 0}
 
 
 def counts(ends: NDArray[Any]) -> dict[str, int]:

@@ -23,6 +23,7 @@ RUN_BYTES = 200
 MOST_RESOLUTION = 4096
 
 
+@arguments.complete()
 def attractors(osc: Oscillator, starts: Any = "sobol", *, runs: int = 1024,
                scrambles: int = FEWEST, seed: int = 0, phi: Any = None, phi_dot: Any = None,
                phase: float = 0.0, most_cycles: int = 1000, returns: int = 30,
@@ -59,17 +60,25 @@ def attractors(osc: Oscillator, starts: Any = "sobol", *, runs: int = 1024,
 
     Returns
     -------
-    xarray.Dataset
-        over `attractor` (from 1, by rising deepest separation): period (mesh cycles, 0: aperiodic)
-        and the numbers of `lapwing.parameter_map`, motion_class; multiplier_real and
-        multiplier_imag over `multiplier`; lyapunov_exponent (per τ; of an aperiodic motion with
-        lyapunov_exponent_error); residual, by how much a refined motion misses itself, part of its
-        size (NaN: not refined); point_motion_state, point_phi and point_phi_dot over `point`, its
-        states on the section, mesh phase 0; runs_ended; share with share_low and share_high, which
-        hold the truth in 95 of 100 cases (NaN: not known, as of a grid or of an array).
-        Over `run`: start_motion_state, start_phi, start_phi_dot, start_phase; attractor_of_run (0:
-        not resolved), ending (Ending), followed_cycles, status.
-        Attributes: unresolved, failed, presumed, runs of each kind.
+    xarray.Dataset, by the dimensions of its variables [unit; of codes the enumeration]:
+
+    (attractor): attractor, period, arrivals, back_arrivals, impacts_per_cycle,
+    back_impacts_per_cycle, chatter, states_visited [MotionState], deepest_separation [rad],
+    deepest_back_penetration [rad], fastest_arrival [rad per tau], motion_class, lyapunov_exponent,
+    lyapunov_exponent_error, residual, runs_ended, share
+    (attractor, multiplier): multiplier_real, multiplier_imag
+    (attractor, point): point_motion_state [MotionState], point_phi [rad],
+    point_phi_dot [rad per tau]
+    (run): attractor_of_run, ending [Ending], followed_cycles, status [Status],
+    start_motion_state [MotionState], start_phi [rad], start_phi_dot [rad per tau], start_phase,
+    scramble
+
+    Attractors are counted from 1, by rising deepest separation; their numbers are those of
+    `lapwing.parameter_map` (period 0: aperiodic, then with lyapunov_exponent_error). residual: by
+    how much a refined motion misses itself, part of its size (NaN: not refined). point: its states
+    at mesh phase 0. share has share_low and share_high, which hold the truth in 95 of 100 cases
+    (NaN: not known, as of a grid or of an array). attractor_of_run 0: not resolved.
+    Attributes: unresolved, failed, presumed, runs of each kind, and what was fixed.
 
     Raises
     ------
@@ -106,8 +115,8 @@ def search_of(osc: Any, *, most_cycles: Any, returns: Any, recurrences: Any, res
     if numerics is not None:
         taken.take(arguments.instance, "numerics", numerics, Numerics)
     count = taken.take(lambda _, value: checked_threads(value), "threads", threads)
-    return Search(osc, numerics or Numerics(rtol=1e-8), most_cycles, returns, recurrences,
-                  resolution, count or 1)
+    return Search(osc, Numerics(rtol=1e-8) if numerics is None else numerics, most_cycles, returns,
+                  recurrences, resolution, count or 1)
 
 
 __all__ = ["attractors", "search_of"]

@@ -13,7 +13,8 @@ from lapwing.base.codes import FoundFrom, FoundMotion
 from lapwing.studies.branch.motion.layout import Happening
 from lapwing.studies.branch.ranges import StableRange, stable_ranges
 from lapwing.studies.branch.rattling import Rattling, rattling
-from lapwing.studies.critical.run import critical_full, critical_on
+from lapwing.studies.critical.force import critical_full, critical_on
+from lapwing.studies.labels import settings
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -47,23 +48,7 @@ def table(request: Request, found: Found) -> xr.Dataset:
 
     Returns
     -------
-    xarray.Dataset over
-        `point`: the parameter, branch (from 1), cycles, stable, rank, arrivals at either flank;
-        `multiplier` besides: multiplier_real and multiplier_imag;
-        `strobe`: strobe_point, phi and phi_dot at phase 0 of each mesh cycle of a point;
-        `event`: event_point, event_phase, event_speed, event_happening, event_flank of each event
-        of each point;
-        `special`: special_value, its error, branch, kind, outcome, flank, phase, φ at phase 0;
-        `stable_range`: range_low and range_high, the kind of special point at either end, branch;
-        `motion`, each that was looked at: motion_value, motion_kind, motion_begun, motion_cycles,
-        motion_branch (0: on none) and motion_distance from it, part of its size;
-        `seed`: seed_value, and of the motions looked for there how many in all (seed_motions), in
-        contact throughout (seed_engaged), without a period (seed_aperiodic), failed (seed_failed);
-        where it is known from which value on contact can be kept (attribute `kept`) `rattling`:
-        the intervals of rattling above it, rattling_low and _high, error, kind and branch of either
-        end, and attributes dies, dies_error, dies_kind, dies_branch: where rattling dies that is
-        raised slowly.
-        Kinds and outcomes are `branch.Kind` and `branch.Outcome`.
+    xarray.Dataset, as of `lapwing.branches`
     """
     import xarray as xr
 
@@ -81,7 +66,9 @@ def table(request: Request, found: Found) -> xr.Dataset:
         rattles = rattling(search, found, ranges, kept)
         data |= _intervals(rattles)
         attrs |= {"kept": kept} | _dies(rattles)
-    diagram = xr.Dataset(data, attrs=attrs)
+    about = settings(search.oscillator(request.range[0]), search.numerics, pair=search.pair,
+                     varied=(search.parameter,))
+    diagram = xr.Dataset(data, attrs=about | attrs)
     known = quantities.parameter(search.parameter)
     for name in VALUES.keys() & data.keys():
         diagram[name].attrs = {"units": known.units,

@@ -68,6 +68,7 @@ class Found:
     on: list[Match | None] = field(default_factory=list)
 
 
+@arguments.complete(operation=GearPair.oscillator, varied="parameter")
 def branches(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torque", low: float,
              high: float, seeds: int = 41, starts: StartGrid | None = None,
              random_starts: int = 0, random_seed: int = 0, settle: int = 400,
@@ -105,7 +106,31 @@ def branches(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_t
 
     Returns
     -------
-    xarray.Dataset, `diagram.table`
+    xarray.Dataset, by the dimensions of its variables [unit; of codes the enumeration], of which
+    `parameter` is the unit of the parameter:
+
+    (point): value [parameter], branch, cycles, stable, rank, arrivals, back_arrivals
+    (point, multiplier): multiplier_real, multiplier_imag
+    (strobe): strobe_point, phi [rad], phi_dot [rad per tau]
+    (event): event_point, event_phase, event_speed [rad per tau], event_happening [BranchEvent],
+    event_flank [Flank]
+    (special): special_value [parameter], special_error [parameter], special_branch,
+    special_kind [SpecialPoint], special_outcome [BranchOutcome], special_flank [Flank],
+    special_phase, special_phi [rad]
+    (stable_range): range_low [parameter], range_high [parameter], range_low_kind [SpecialPoint],
+    range_high_kind [SpecialPoint], range_branch, range_cycles
+    (motion): motion_value [parameter], motion_kind [FoundMotion], motion_begun [FoundFrom],
+    motion_cycles, motion_branch, motion_distance, motion_phi [rad], motion_phi_dot [rad per tau]
+    (seed): seed_value [parameter], seed_motions, seed_engaged, seed_aperiodic, seed_failed
+    (rattling): rattling_low [parameter], rattling_low_error [parameter],
+    rattling_low_kind [SpecialPoint], rattling_low_branch, rattling_high [parameter],
+    rattling_high_error [parameter], rattling_high_kind [SpecialPoint], rattling_high_branch
+
+    strobe: phi and phi_dot at phase 0 of each mesh cycle of a point; motion: those looked at, on
+    which branch (0: on none) and how far from it, part of its size; rattling: its intervals above
+    the value from which on contact can be kept (attribute `kept`), where that is known, with
+    attributes dies, dies_error, dies_kind, dies_branch: where rattling dies that is raised slowly.
+    Other attributes say what was fixed.
 
     Raises
     ------

@@ -142,6 +142,7 @@ class Branch:
         return tuple(one for one in self.specials if one.kind is kind)
 
 
+@arguments.complete()
 def branch(orbit: Orbit, parameter: str | Callable[[float], Oscillator], *, low: float,
            high: float, value: float | None = None, points: int = 2000) -> Branch:
     """Follow a periodic motion both ways in a parameter, stable or not, through its folds.

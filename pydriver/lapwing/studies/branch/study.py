@@ -14,7 +14,7 @@ from lapwing.studies.branch.diagram import table
 from lapwing.studies.branch.family import Request, followed
 from lapwing.studies.branch.seeds import Search
 from lapwing.studies.critical.starts import StartGrid
-from lapwing.studies.labels import labels
+from lapwing.studies.labels import own_operation
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -49,7 +49,7 @@ def carry_out(deck: Deck, study: Asked, order: int, threads: int,
                                  if one["status"].dims[1] == study.parameter],
         trials=_trials(deck, study, found.get("critical", {}))),
         study.doublings, study.most_points)
-    return table(request, followed(request, done)).assign_attrs(labels(deck, study))
+    return table(request, followed(request, done)).assign_attrs(own_operation(deck, study))
 
 
 def _trials(deck: Deck, study: Asked,

@@ -24,8 +24,8 @@ from lapwing.model.curve.interval import (
 )
 from lapwing.model.linear_response import CriticalForce
 from lapwing.model.oscillator import ParameterError
-from lapwing.studies.critical.run import TORQUES, of_force
-from lapwing.studies.sweep.varied import oscillator_at
+from lapwing.studies.critical.force import of_force
+from lapwing.studies.sweep.varied import TORQUES, oscillator_at
 
 if TYPE_CHECKING:
     import xarray as xr

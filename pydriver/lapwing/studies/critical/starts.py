@@ -29,6 +29,7 @@ START_BYTES = 96
 ENGAGED = 1 << MotionState.ENGAGEMENT
 
 
+@arguments.complete()
 @dataclass(frozen=True)
 class StartGrid:
     """How finely the starts are spread.

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from lapwing.engine import Numerics
 from lapwing.studies import cost
-from lapwing.studies.critical import measured
-from lapwing.studies.critical import run as search
+from lapwing.studies.critical import force, measured, run
 from lapwing.studies.critical.starts import StartGrid, follow, start_grid
-from lapwing.studies.labels import labels
+from lapwing.studies.labels import own_operation
 from lapwing.studies.sweep.varied import oscillator_at
 
 if TYPE_CHECKING:
@@ -66,9 +65,10 @@ def critical_study(deck: Deck, study: Asked, threads: int,
         options |= {"resolution": study.resolution, "further": study.further_values}
     elif study.find == "back":
         options["confidence"] = study.confidence
-    find: Callable[..., Any] = {"full": search.critical_full, "safe": search.critical_safe,
-            "back": search.critical_back, "on": search.critical_on}[study.find]
-    found: xr.Dataset = find(deck.gear_pair, deck.te, **options).assign_attrs(labels(deck, study))
+    find: Callable[..., Any] = {"full": force.critical_full, "safe": run.critical_safe,
+                                "back": run.critical_back, "on": force.critical_on}[study.find]
+    found: xr.Dataset = find(deck.gear_pair, deck.te, **options).assign_attrs(
+        own_operation(deck, study))
     if study.find in ("full", "on"):
         return measured.with_interval(found, deck, study)
     if study.find == "safe":
@@ -129,7 +129,7 @@ def full_engagement(deck: Deck, study: Asked) -> dict[str, float]:
             or study.operation["contact_law"] == "rigid":
         return {}
     operation = {key: value for key, value in study.operation.items() if key != "brake_torque"}
-    found = search.critical_full(deck.gear_pair, deck.te, **operation).attrs
+    found = force.critical_full(deck.gear_pair, deck.te, **operation).attrs
     if found["outcome"] != "found":
         return {}
     known = {"full_engagement": found["estimate"], "full_engagement_phase": found["phase"]}

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 MOST_RUNS = 10_000_000
 
 
+@arguments.complete(operation=GearPair.oscillator, varied="draws")
 def ensemble(pair: GearPair, te: TransmissionError, draws: Mapping[str, Any], *,
              sampling: str = "sobol", runs: int = 1024, scrambles: int = FEWEST, seed: int = 0,
              correlation: Any = None, sensitivity_draws: int | None = None, settle: int = 400,
@@ -71,11 +72,25 @@ def ensemble(pair: GearPair, te: TransmissionError, draws: Mapping[str, Any], *,
 
     Returns
     -------
-    xarray.Dataset over `run`: values of the parameters, the numbers of `lapwing.parameter_map`, and
-    full_engagement (T_full in closed form, N m) where it is known; scramble. From them, each with
-    limits _low and _high that hold the truth in 95 of 100 cases (NaN: not known):
-    <answer>_quantile over `level`, probability over `event`, main_effect and total_effect (parts of
-    the variance) and rank_correlation (Spearman's) over `answer` and `parameter`.
+    xarray.Dataset, by the dimensions of its variables [unit; of codes the enumeration]:
+
+    (run): status [Status], period, arrivals, back_arrivals, impacts_per_cycle,
+    back_impacts_per_cycle, chatter, states_visited [MotionState], deepest_separation [rad],
+    deepest_back_penetration [rad], fastest_arrival [rad per tau], full_engagement [N m], scramble
+    (level): level, full_engagement_quantile [N m], deepest_separation_quantile [rad],
+    impacts_per_cycle_quantile, back_impacts_per_cycle_quantile,
+    fastest_arrival_quantile [rad per tau]
+    (event): event, probability, seen, known
+    (answer, parameter): rank_correlation
+    with sensitivity_draws (answer, parameter): main_effect, total_effect
+    (parameter): parameter
+    (answer): answer
+
+    and over `run` each parameter drawn. Quantiles, probabilities, effects (parts of the variance)
+    and rank correlations (Spearman's) have limits beside them, <name>_low and <name>_high, that
+    hold the truth in 95 of 100 cases (NaN: not known). full_engagement is T_full in closed form,
+    where it is known; the numbers of a run are those of `lapwing.parameter_map`. Attributes say
+    what was fixed.
 
     Raises
     ------

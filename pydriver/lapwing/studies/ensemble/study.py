@@ -16,7 +16,7 @@ from lapwing.results.findings import endings
 from lapwing.studies import cost
 from lapwing.studies.again import Again, moved_again
 from lapwing.studies.ensemble.run import ensemble, plan_of
-from lapwing.studies.labels import labels
+from lapwing.studies.labels import own_operation
 from lapwing.studies.map.shards import Job
 
 if TYPE_CHECKING:
@@ -52,9 +52,7 @@ def carry_out(deck: Deck, study: Asked, order: int, threads: int,
     """One ensemble of a deck; a signal keeps the shards that are finished. See `registry`."""
     result = ensemble(**_arguments(deck, study), folder=folder, threads=threads, progress=done,
                       notes=notes, executor=executor, keep_interrupted=True)
-    given = {name: study.operation[name] for name in study.operation
-             if isinstance(study.operation[name], float)}
-    return result.assign_attrs(labels(deck, study) | given)
+    return result.assign_attrs(own_operation(deck, study))
 
 
 def job(deck: Deck, study: Asked) -> Job:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 HELD, AT_ONCE = 8, 2**20
 
 
+@arguments.complete()
 def open_study(folder: str | os.PathLike[str]) -> xr.Dataset:
     """Open the shards of a map, finished or not, as one Dataset that is read when it is used.
 

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 STARTS = ("rest", "up", "down")
 
 
+@arguments.complete(operation=GearPair.oscillator, varied="axes")
 def parameter_map(pair: GearPair, te: TransmissionError, axes: Mapping[str, Any], *,
                   line: str | None = None, start: str = "rest", settle: int = 400,
                   record: int = 100, phase: float = 0.0, numerics: Numerics | None = None,
@@ -72,12 +73,20 @@ def parameter_map(pair: GearPair, te: TransmissionError, axes: Mapping[str, Any]
 
     Returns
     -------
-    xarray.Dataset over the axes, in their order: status (Status); period (mesh cycles, 0: none
-    found) with the arrivals at either flank in it, arrivals and back_arrivals (in all recorded
-    cycles of a motion without period); impacts_per_cycle and back_impacts_per_cycle; chatter, 1
-    where one was complete; states_visited (bits of MotionState); deepest_separation and
-    deepest_back_penetration (rad), and fastest_arrival (rad per τ) of the recorded cycles; and what
-    `observe` asks for. A run that fails has no numbers but its status.
+    xarray.Dataset over the axes, in their order, here (x, y); [unit; of codes the enumeration]:
+
+    (x, y): status [Status], period, arrivals, back_arrivals, impacts_per_cycle,
+    back_impacts_per_cycle, chatter, states_visited [MotionState], deepest_separation [rad],
+    deepest_back_penetration [rad], fastest_arrival [rad per tau]
+    'rms' (x, y): phi_rms [rad]
+    'forces' (x, y): mesh_force_mean [N], mesh_force_peak [N]
+    'exponent' (x, y): lyapunov_exponent
+    'shares' (x, y): separation_share, engagement_share, back_engagement_share
+
+    period is in mesh cycles (0: none found), arrivals at either flank are those in it, or in all
+    recorded cycles of a motion without period; chatter is 1 where one was complete;
+    states_visited are bits. A run that fails has no numbers but its status. Attributes say what was
+    fixed: laws, numbers of the pair, torques and speed, numerics.
 
     Raises
     ------

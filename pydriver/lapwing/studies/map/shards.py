@@ -25,6 +25,7 @@ from lapwing.base.quantities import OBSERVED
 from lapwing.base.threads import worker_threads
 from lapwing.engine import Numerics
 from lapwing.results.shards import Shard, read_shard, write_shard
+from lapwing.studies.labels import settings
 from lapwing.studies.map.grid import Grid
 from lapwing.studies.map.observed import KEPT, kept, observations, wanted
 from lapwing.studies.map.task import Dropped, Made, Task
@@ -82,12 +83,12 @@ class Job(Task):
     def about(self) -> dict[str, Any]:
         """What a map says of how it was made: attributes of its Dataset."""
         grid = self.grid
-        law = grid.operation.get("contact_law", "restitution")
-        return {"contact_law": law, "arrival": arrivals_of(law).word, "start": self.start,
-                "line": grid.line, "settle": self.settle, "record": self.record,
-                "phase": self.phase, "rtol": self.numerics.rtol,
-                "count_depth": self.numerics.count_depth, "method": self.numerics.method,
-                "shard_runs": self.shard_runs, "observe": " ".join(self.observe)}
+        first = grid.at({name: values[0] for name, values in grid.axes.items()})
+        told = settings(first, self.numerics, pair=grid.pair, varied=grid.axes.keys())
+        return told | {"arrival": arrivals_of(told["contact_law"]).word, "start": self.start,
+                       "line": grid.line, "settle": self.settle, "record": self.record,
+                       "phase": self.phase, "shard_runs": self.shard_runs,
+                       "observe": " ".join(self.observe)}
 
     @cached_property
     def identity(self) -> str:

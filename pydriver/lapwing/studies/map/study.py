@@ -15,7 +15,7 @@ from lapwing.model.linear_response import critical_torque
 from lapwing.results.findings import endings
 from lapwing.studies import cost
 from lapwing.studies.again import Again, moved_again
-from lapwing.studies.labels import labels
+from lapwing.studies.labels import own_operation
 from lapwing.studies.map.run import job_of, parameter_map
 from lapwing.studies.map.shards import Job
 from lapwing.studies.sweep.varied import oscillator_at
@@ -54,7 +54,8 @@ def carry_out(deck: Deck, study: Asked, order: int, threads: int,
         **_arguments(deck, study), folder=folder, threads=threads, progress=done, notes=notes,
         executor=executor, keep_interrupted=True)
     return result.assign(_full_engagement(deck, study)).assign_attrs(
-        labels(deck, study) | {"x_parameter": study.x_parameter, "y_parameter": study.y_parameter})
+        own_operation(deck, study)
+        | {"x_parameter": study.x_parameter, "y_parameter": study.y_parameter})
 
 
 def job(deck: Deck, study: Asked) -> Job:

@@ -25,6 +25,7 @@ class Followed(list[Orbit]):
     lost: str | None = None
 
 
+@arguments.complete()
 def follow(make: Callable[[float], Oscillator], values: ArrayLike,
            start: tuple[MotionState, float, float], cycles: int = 1, *,
            numerics: Numerics = NUMERICS) -> Followed:
@@ -102,6 +103,7 @@ def flip_distance(orbit: Orbit) -> float:
     return 1 + found.trace + det
 
 
+@arguments.complete()
 def period_doubling(make: Callable[..., Any], low: float, high: float,
                     start: tuple[MotionState, float, float], cycles: int = 1, *,
                     numerics: Numerics = NUMERICS) -> tuple[float, Orbit]:
@@ -151,6 +153,7 @@ def period_doubling(make: Callable[..., Any], low: float, high: float,
     return value, known[value]
 
 
+@arguments.complete()
 def cascade(make: Callable[..., Any], low: float, high: float,
             start: tuple[MotionState, float, float], doublings: int, *, cycles: int = 1,
             settle: int = 400, numerics: Numerics = NUMERICS) -> list[tuple[float, Orbit]]:

@@ -85,6 +85,7 @@ class Orbit:
                 "stable": self.multipliers.stable, "misses itself by": f"{self.residual:.1e}"}
 
 
+@arguments.complete()
 def settled_state(osc: Oscillator, cycles: int, start: Any = "rest", *,
                   numerics: Numerics = NUMERICS) -> tuple[MotionState, float, float]:
     """State at phase 0 after so many mesh cycles.
@@ -122,6 +123,7 @@ def follow_cycles(call: TrajectoryCall, cycles: int) -> None:
         raise NoOrbit(f"the run ended with {call.status.name}")
 
 
+@arguments.complete()
 def find_orbit(osc: Oscillator, start: Any = "rest", cycles: int = 1, *,
                settle: int = 400, numerics: Numerics = NUMERICS) -> Orbit:
     """Newton's method on the map over `cycles` mesh cycles.

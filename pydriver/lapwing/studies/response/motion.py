@@ -30,13 +30,6 @@ BEGINS = {EventKind.RELEASE: MotionState.SEPARATION, EventKind.BACK_RELEASE: Mot
 SHARES = ("time_separated", "time_engaged", "time_back_engaged")
 
 
-def law_attributes(osc: Oscillator) -> dict[str, Any]:
-    """What a response assumes, to be stored with it."""
-    names = ("force", "mesh_frequency_ratio", "contact_law", "impact_law", "gap", "te_sign",
-             "gap_width", "restitution", "damping_ratio", "backlash")
-    return {"back_flank_te": int(osc.back_flank_te)} | {key: getattr(osc, key) for key in names}
-
-
 def shares_of_time(events: NDArray[Any], states: NDArray[Any],
                    period: float) -> dict[str, NDArray[Any]]:
     """Part of each mesh cycle spent in each motion state.

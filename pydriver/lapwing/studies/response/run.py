@@ -32,6 +32,7 @@ from lapwing.model.gear_pair import GearPair
 from lapwing.model.oscillator import Oscillator
 from lapwing.studies import mean_rotation
 from lapwing.studies.intervals import mean_interval
+from lapwing.studies.labels import settings
 from lapwing.studies.period import LABELS, MAX_PERIOD, find_period, motion_class
 from lapwing.studies.response import motion
 from lapwing.studies.response.mesh_force import (
@@ -60,8 +61,9 @@ SAFETY = 1.25
 ROUNDING = 64 * float(np.finfo(float).eps)
 
 
-def response(osc: Oscillator, pair: GearPair, *, name: str, start: Any = "rest", phase: float = 0.0,
-             settle: int = 400, record: int = 100, samples_per_cycle: int = 400,
+@arguments.complete(old=("settle_cycles", "record_cycles"))
+def response(osc: Oscillator, pair: GearPair, *, name: str = "response", start: Any = "rest",
+             phase: float = 0.0, settle: int = 400, record: int = 100, samples_per_cycle: int = 400,
              exponents: bool = False, method: str = "auto", rtol: float = 1e-8,
              max_period: int = MAX_PERIOD, count_depth: float = 0.01,
              chatter_tol: float | None = None, max_events_per_cycle: int = 1_000_000,
@@ -88,7 +90,7 @@ def response(osc: Oscillator, pair: GearPair, *, name: str, start: Any = "rest",
     ----------
     osc : Oscillator
     pair : GearPair, the pair `osc` was made from; its units
-    name : str
+    name : str, by which figures and summaries speak of it
     start, phase : as for `simulate`, but for the end of another run
     settle, record : int, mesh cycles before recording (>= 0), and recorded (>= 1)
     samples_per_cycle : int, >= 1
@@ -102,19 +104,28 @@ def response(osc: Oscillator, pair: GearPair, *, name: str, start: Any = "rest",
 
     Returns
     -------
-    xarray.Dataset
-        Over `sample`: time (s from the first recorded cycle; a coordinate), phase (mesh periods),
-        sample_cycle, motion_state, phi (rad), phi_dot (rad per τ), mesh_force (N; coast flank
-        negative; NaN with the rigid law), dynamic_te (θ, rad).  Over `event`: event_time (a
-        coordinate), event_phase, …, velocity_before, velocity_after (rad per τ), flight_depth
-        (rad; NaN for what ends no flight, or one that began before the last mesh cycle that was
-        left to settle), impact_energy (J lost; NaN for what is no impact).  Over `cycle`: cycle_*,
-        the columns of `simulate`, forces (N; peak: largest magnitude) and impact energy (J).  With
-        two degrees of freedom
-        pinion_angle, gear_angle (rad ahead of the nominal rotation), pinion_speed, gear_speed and
-        cycle_mean_speed (of the pinion; rad/s).  Cycles are counted from the first recorded one.
-        The numbers of the summary are attributes.  A run that fails numerically has its `status`,
-        no events and NaN everywhere else (-1 in whole numbers).
+    xarray.Dataset, by the dimensions of its variables [unit; of codes the enumeration]:
+
+    (sample): time [s], phase, sample_cycle, motion_state [MotionState], phi [rad],
+    phi_dot [rad per tau], mesh_force [N], dynamic_te [rad]
+    two degrees of freedom (sample): pinion_angle [rad], gear_angle [rad], pinion_speed [rad/s],
+    gear_speed [rad/s]
+    (event): event_time [s], event_phase, event_cycle, event_kind [EventKind], event_phi [rad],
+    velocity_before [rad per tau], velocity_after [rad per tau], flight_depth [rad],
+    impact_energy [J]
+    (cycle): cycle_motion_state [MotionState], cycle_phi [rad], cycle_phi_dot [rad per tau],
+    cycle_impacts, cycle_back_impacts, cycle_counted_impacts, cycle_counted_back_impacts,
+    cycle_releases, cycle_back_releases, cycle_engages, cycle_back_engages, cycle_chatter_ends,
+    cycle_back_chatter_ends, cycle_deepest_separation [rad], cycle_deepest_back_penetration [rad],
+    cycle_states_visited [MotionState], cycle_mesh_force_mean [N], cycle_mesh_force_peak [N],
+    cycle_impact_force_mean [N], cycle_impact_energy [J]
+    two degrees of freedom (cycle): cycle_mean_speed [rad/s]
+
+    Times and cycles count from the first recorded cycle. Forces are negative at the coast flank
+    (NaN with the rigid law). flight_depth is NaN for what ends no flight, or one that began before
+    the last mesh cycle left to settle; impact_energy for what is no impact. The numbers of the
+    summary and what was fixed are attributes.  A run that fails numerically has its `status`, no
+    events and NaN everywhere else (-1 in whole numbers).
 
     Raises
     ------
@@ -147,23 +158,23 @@ def response(osc: Oscillator, pair: GearPair, *, name: str, start: Any = "rest",
         _Outcome.of(osc, pair, recorded(osc, (*engine_start(osc, start), phase), span, grid,
                                          one, exponents), max_period)
         for one in (numerics, replace(numerics, method="rk4", rtol=other)))
-    settings = {
-        "name": name, "order": order,
-        "brake_torque": osc.force / pair.force_per_torque if osc.brake_torque is None
-        else osc.brake_torque,
+    given = {
+        "name": name, "order": order, "brake_torque": osc.force / pair.force_per_torque
+        if osc.brake_torque is None else osc.brake_torque,
         "mesh_period_s": osc.period / pair.natural_frequency,
-        "natural_frequency": pair.natural_frequency, "pinion_base_lever": pair.pinion_base_lever,
-        "method": engine.method_of(osc, numerics), "rtol": rtol,
+        "natural_frequency": pair.natural_frequency,
+        "method": engine.method_of(osc, numerics),
         "rtol_reference": other, "start_phase": phase,
         "start": start if isinstance(start, str) else " ".join(map(str, start)),
         "settle_cycles": settle_cycles, "record_cycles": record_cycles,
         "first_cycle": span[0], "samples_per_cycle": samples_per_cycle,
-        "max_period": max_period, "count_depth": numerics.count_depth,
+        "max_period": max_period,
         "claim_impacts_per_cycle": claim_impacts_per_cycle,
         "claim_deepest_separation": claim_deepest_separation, "claim_text": claim_text}
-    given = {key: value for key, value in settings.items() if value is not None}
     return _dataset(osc, pair, main, stored).assign_attrs(
-        given | motion.law_attributes(osc) | _findings(main, reference)
+        settings(osc, numerics, pair=pair)
+        | {key: value for key, value in given.items() if value is not None}
+        | _findings(main, reference)
         | mean_rotation.attributes(osc, main.recording.means[1])
         | motion.impact_attributes(osc, pair, main.recording.events, main.number("mesh_force_peak"))
         | motion.motion_attributes(osc, main.recording, main.period, max_period, numerics))
@@ -259,7 +270,6 @@ class _Outcome:
         if key in PEAKS:
             return float(np.max(values[end - window if half is not None else 0:end]))
         return float(np.mean(values[end - window:end]))
-
 
     def error(self, key: str, change: float) -> float:
         """What is known of a number's error: of one that repeats, or of an average (NaN: nothing).

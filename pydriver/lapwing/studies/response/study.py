@@ -9,7 +9,7 @@ from lapwing.engine import Numerics
 from lapwing.studies import cost
 from lapwing.studies.again import Again
 from lapwing.studies.critical.study import full_engagement
-from lapwing.studies.labels import labels
+from lapwing.studies.labels import own_operation
 from lapwing.studies.response.measured import with_repeats
 from lapwing.studies.response.run import response
 from lapwing.studies.trajectory import checked_start, engine_start, run_from
@@ -41,7 +41,7 @@ def carry_out(deck: Deck, study: Asked, order: int, threads: int, done: None) ->
         claim_impacts_per_cycle=study.claim_impacts_per_cycle,
         claim_deepest_separation=study.claim_deepest_separation, claim_text=study.claim_text,
         **deck.numerics_of(study))
-    result = result.assign_attrs(labels(deck, study) | full_engagement(deck, study))
+    result = result.assign_attrs(own_operation(deck, study) | full_engagement(deck, study))
     return with_repeats(result, deck, study)
 
 

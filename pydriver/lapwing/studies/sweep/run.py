@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from lapwing.engine.records import CLASS, CYCLE, IMPACT_TABLE, STROBED
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.transmission_error import TransmissionError
 from lapwing.studies import mean_rotation
+from lapwing.studies.labels import settings
 from lapwing.studies.period import NO_PERIOD, class_name
 from lapwing.studies.stability import CycleMaps, findings, growth
 from lapwing.studies.sweep.form import dataset
@@ -38,6 +39,7 @@ RECORDS = ("cycles", "impacts", "exponents", "speeds", "spectra", "amplitudes")
 SPEED_BINS, SPEED_DECADES = 160, 4
 
 
+@arguments.complete(operation=GearPair.oscillator, varied="parameter")
 def sweep(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torque",
           values: ArrayLike, starts: Sequence[str] = STARTS, settle: int = 400,
           record: int = 100, observe: Sequence[str] = ("cycles",), phase: float = 0.0,
@@ -77,9 +79,37 @@ def sweep(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torq
 
     Returns
     -------
-    xarray.Dataset over `start`, the parameter and `recorded_cycle`. A point that fails keeps its
-    place, with a `status` other than OK. Impacts are one list over `impact`: those of a point are
-    `kept_impacts` from `first_impact` on (`base.arrivals.listed_impacts`, `.lapwing.impacts`).
+    xarray.Dataset, by the dimensions of its variables [unit; of `codes` the enumeration], of which
+    `parameter` is the one swept:
+
+    (start, parameter): status [Status]
+    (parameter): force [rad]
+    (start, parameter, recorded_cycle): motion_state [MotionState], phi [rad], phi_dot [rad per tau]
+    with two degrees of freedom (start, parameter, recorded_cycle): mean_speed [rad/s]
+    'cycles' (start, parameter): period, motion_class
+    'cycles' (start, parameter, recorded_cycle): impacts, back_impacts, counted_impacts,
+    counted_back_impacts, releases, back_releases, engages, back_engages, chatter_ends,
+    back_chatter_ends, deepest_separation [rad], deepest_back_penetration [rad],
+    states_visited [MotionState]
+    'impacts' (start, parameter): first_impact, kept_impacts, n_impacts
+    'impacts' (impact): impact_phase, impact_velocity [rad per tau], impact_flank [Flank]
+    'exponents' (start, parameter): lyapunov_exponent, lyapunov_exponent_error,
+    lyapunov_exponent_effective, lyapunov_exponent_per_cycle, second_lyapunov_exponent,
+    tangent_rank, near_grazes, determinant_defect, sum_rule_defect
+    'exponents' (start, parameter, multiplier): multiplier_real, multiplier_imag
+    'speeds' (start, parameter): slow_impacts
+    'speeds' (start, parameter, speed_bin): impact_speed_density
+    'speeds' (speed_edge): speed_edge [rad per tau]
+    'spectra' (order): order
+    'spectra' (start, parameter, order): order_spectrum [rad]
+    'spectra' (parameter): mesh_frequency_ratio
+    'amplitudes' (start, parameter): phi_rms [rad], phi_peak_to_peak [rad], dynamic_te_rms [rad],
+    dynamic_te_peak_to_peak [rad], mesh_force_mean [N], mesh_force_peak [N]
+
+    What each is says its `long_name`; `rad per tau` are rad per unit of τ = natural_frequency · t.
+    A point that fails keeps its place, with a `status` other than OK. Impacts are one list over
+    `impact`: those of a point are `kept_impacts` from `first_impact` on (`.lapwing.impacts`).
+    Attributes say what was fixed: laws, numbers of the pair, torques and speed, numerics.
 
     Raises
     ------
@@ -138,13 +168,11 @@ def dataset_of(job: SweepJob, result: SweepResult,
     """What `sweep` returns, from the tables of all points and what they went on for."""
     wanted, oscillators = job.wanted, job.oscillators
     data = _dataset(result, oscillators, job.parameter, job.values, job.starts, wanted, job.phase,
-                    {"contact_law": oscillators[0].contact_law, "settle": job.settle,
-                     "record": job.record, "rtol": job.numerics.rtol,
-                     "method": result.method,
-                     "count_depth": job.numerics.count_depth,
-                     "interrupted": int(result.interrupted),
-                     **({"max_impacts": job.max_impacts} if wanted.impacts else {}),
-                     **_of_pair(job.pair, job.parameter)})
+                    settings(oscillators[0], job.numerics, pair=job.pair,
+                             varied=(job.parameter,)) | {
+                        "method": result.method, "settle": job.settle, "record": job.record,
+                        "interrupted": int(result.interrupted),
+                        **({"max_impacts": job.max_impacts} if wanted.impacts else {})})
     if not further and not wanted.speed_edges:
         return data
     by_point, shape = data["status"].dims, data["status"].shape
@@ -183,14 +211,6 @@ def _check(pair: GearPair, te: TransmissionError, parameter: str, values: ArrayL
             taken.problems.append(f"observe: {table!r} wants 'cycles' beside it")
     taken.raise_if_any("sweep")
     return np.unique(numbers), begun, observed
-
-
-def _of_pair(pair: GearPair, parameter: str) -> dict[str, float]:
-    """Numbers of the pair that turn results into speeds, where all values share them."""
-    ours = {field.name for field in fields(GearPair)} - {"backlash", "restitution",
-                                                         "damping_ratio", "mesh_damping"}
-    return {} if parameter in ours else {name: getattr(pair, name) for name in (
-        "natural_frequency", "pinion_base_lever")}
 
 
 def _lines(starts: tuple[str, ...], n: int) -> NDArray[Any]:

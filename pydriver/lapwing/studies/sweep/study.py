@@ -12,7 +12,7 @@ from lapwing.results.findings import endings
 from lapwing.studies import cost
 from lapwing.studies.again import Again, moved_again
 from lapwing.studies.critical.study import full_engagement
-from lapwing.studies.labels import labels
+from lapwing.studies.labels import own_operation
 from lapwing.studies.map.work import gather
 from lapwing.studies.sweep import amplitudes, waterfall
 from lapwing.studies.sweep.run import dataset_of, job_of, sweep
@@ -56,7 +56,7 @@ def carry_out(deck: Deck, study: Asked, order: int, threads: int,
         interrupted = gather("sweep", made, found, folder=folder, executor=executor,
                              threads=threads, progress=done, notes=notes, keep_interrupted=True)
         result = dataset_of(made, found.result(interrupted), found.further)
-    return result.assign_attrs(labels(deck, study) | full_engagement(deck, study))
+    return result.assign_attrs(own_operation(deck, study) | full_engagement(deck, study))
 
 
 def job(deck: Deck, study: Asked) -> SweepJob:

@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lapwing.base.arguments import LEAST, MOST
+from lapwing.base.arguments import LEAST, MOST, wrong
 from lapwing.engine import Points
-from lapwing.model.gear_pair import GearPair, Pairs, force_at, frequency_at
+from lapwing.model.gear_pair import SPEEDS, GearPair, Pairs, force_at, frequency_at
 from lapwing.model.oscillator import Oscillator
 
 if TYPE_CHECKING:
     from lapwing.model.transmission_error.table import TransmissionError
 
 TORQUES = ("brake_torque", "drive_torque")
-SPEEDS = ("pinion_speed_rpm", "pinion_speed_rad_s", "mesh_frequency_hz")
 # Factors of the transmission error, one of them in the words of a parabola.
 OF_CURVE = ("te_scale", "parabola_amplitude")
 # Numbers of the pair itself, teeth apart: they are counted.
@@ -39,7 +38,15 @@ def oscillator_at(pair: GearPair, te: TransmissionError, parameter: str, value: 
 
 def moved_to(pair: GearPair, te: TransmissionError, parameter: str, value: float,
              operation: Mapping[str, Any]) -> tuple[GearPair, dict[str, Any]]:
-    """Pair and operation with another value of a parameter."""
+    """Pair and operation with another value of a parameter.
+
+    Raises
+    ------
+    ValueError
+        where the operation has a value of its own.
+    """
+    if operation.get(parameter) is not None:
+        raise ValueError(wrong(parameter, operation[parameter], "none beside the values of it"))
     if parameter in OF_PAIR:
         changed: dict[str, Any] = {parameter: float(value)}
         return replace(pair, **changed), dict(operation)
