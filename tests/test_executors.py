@@ -8,7 +8,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -26,7 +25,7 @@ LAPWING = [sys.executable, "-m", "lapwing"]
 @pytest.fixture(scope="module")
 def deck(tmp_path_factory):
     path = tmp_path_factory.mktemp("map") / "plane.nml"
-    path.write_text(plane_deck(40, 800, 4), encoding="utf-8")
+    path.write_text(plane_deck(40, 100, 4), encoding="utf-8")
     return path
 
 
@@ -36,12 +35,10 @@ def call(*words, **options):
     return done.returncode, done.stdout + done.stderr
 
 
-def run(deck, out, *options, before=()):
-    """Exit code and words of a run: of this process, or of those that `before` begins."""
-    words = ["run", deck, "--out", out, "--figures", "none", *options]
-    if before:
-        return call(*before, *LAPWING, *words)
-    done = CliRunner().invoke(app, [*map(str, words)])
+def run(deck, out, *options):
+    """Exit code and words of a run in this process."""
+    done = CliRunner().invoke(app, [*map(str, ("run", deck, "--out", out, "--figures", "none",
+                                               *options))])
     return done.exit_code, done.output
 
 
@@ -141,50 +138,52 @@ def test_none_is_named():
         assert executor is None
 
 
-def ranks():
+def ranks(count):
     """The command that begins so many processes under MPI; skipped where there is none."""
     pytest.importorskip("mpi4py")
     found = shutil.which("mpiexec", path=os.pathsep.join([str(Path(sys.executable).parent),
                                                           os.environ["PATH"]]))
-    return [found, "-n", "3"] if found else pytest.skip("no mpiexec")
+    return [found, "-n", str(count)] if found else pytest.skip("no mpiexec")
 
 
 @pytest.mark.full  # the killed rank's job makes the same, too
 def test_mpi_makes_the_same(deck, expected, tmp_path):
-    code, said = run(deck, tmp_path, "--executor", "mpi", before=ranks())
+    code, said = call(*ranks(3), *LAPWING, "run", deck, "--out", tmp_path, "--figures", "none",
+                      "--executor", "mpi")
     assert code == 0, said
     assert said.count("done, results in") == 1
     assert plane_numbers(tmp_path / "plane" / "result.nc") == expected
 
 
+# The command, of which the rank that is to write a certain shard is killed.
+DYING = """
+import os, signal, sys
+from lapwing.__main__ import main
+from lapwing.studies.map import shards
+write_shard = shards.write_shard
+
+def write(folder, index, *given):
+    if index == 7:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return write_shard(folder, index, *given)
+
+shards.write_shard = write
+main()
+"""
+
+
 def test_a_killed_rank_ends_the_job_and_the_same_command_goes_on(deck, expected, tmp_path):
-    folder = tmp_path / "plane.shards" / "map_plane"
-    job = subprocess.Popen([*ranks(), *LAPWING, "run", deck, "--out", tmp_path, "--figures", "none",
-                            "--executor", "mpi"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-    while len(shards_in(folder)) < 5 and job.poll() is None:
-        time.sleep(0.01)
-    worker = max(children(job.pid))
-    os.kill(worker, signal.SIGKILL)
-    job.communicate()
-    assert job.returncode != 0 and not (tmp_path / "plane").exists()
-    assert 5 <= len(shards_in(folder)) < SHARDS
-    code, said = run(deck, tmp_path, "--executor", "mpi", before=ranks())
+    command = ["run", deck, "--out", tmp_path, "--figures", "none", "--executor", "mpi"]
+    code, said = call(*ranks(2), sys.executable, "-c", DYING, *command)
+    assert code != 0 and not (tmp_path / "plane").exists(), said
+    assert shards_in(tmp_path / "plane.shards" / "map_plane") == list(range(7))
+    code, said = call(*ranks(3), *LAPWING, *command)
     assert code == 0 and "again" not in said, said
     assert plane_numbers(tmp_path / "plane" / "result.nc") == expected
 
 
-def children(pid):
-    """Processes below one that run this package."""
-    found = []
-    for line in subprocess.run(["ps", "-eo", "pid,ppid,args"], capture_output=True, text=True,
-                               check=True).stdout.splitlines()[1:]:
-        own, parent, args = line.split(None, 2)
-        if int(parent) == pid or int(parent) in [one for one, _ in found]:
-            found.append((int(own), args))
-    return [one for one, args in found if "-m lapwing" in args and "mpiexec" not in args]
-
-
-def test_dask_makes_the_same_though_a_worker_is_killed(tmp_path):
+@pytest.mark.parametrize("killed", [False, pytest.param(True, marks=pytest.mark.full)])
+def test_dask_makes_the_same_also_if_a_worker_is_killed(tmp_path, killed):
     distributed = pytest.importorskip("distributed")
     import numpy as np
 
@@ -193,21 +192,21 @@ def test_dask_makes_the_same_though_a_worker_is_killed(tmp_path):
 
     te = TransmissionError.harmonic([17e-6, 4.5e-6, 1.5e-6], [0.0, 1.0, 2.0], [1, 2, 3])
     axes = {"pinion_speed_rpm": np.linspace(1500, 2100, 4), "brake_torque": np.linspace(4, 9, 40)}
-    options = {"settle": 800, "shard_runs": 4}
-    killed = []
+    options = {"settle": 800 if killed else 20, "shard_runs": 4}
+    left = []
 
     def kill_one(fraction):
-        if fraction > 0.2 and not killed:
-            killed.append(workers[0])
-            os.kill(workers[0], signal.SIGKILL)
+        if fraction > 0.2 and left:
+            os.kill(left.pop(), signal.SIGKILL)
 
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None,
-                                  silence_logs=50) as cluster, \
+                                  processes=killed, silence_logs=50) as cluster, \
             executors.opened(f"dask={cluster.scheduler_address}") as executor:
-        workers = list(executor._client.run(os.getpid).values())
+        if killed:
+            left.append(min(executor._client.run(os.getpid).values()))
         found = parameter_map(PAIR, te, axes, folder=tmp_path, executor=executor,
                               progress=kill_one, **options)
-    assert killed and shards_in(tmp_path) == list(range(SHARDS))
+    assert not left and shards_in(tmp_path) == list(range(SHARDS))
     assert dataset_bytes(found) == dataset_bytes(parameter_map(PAIR, te, axes, **options))
 
 

@@ -1,12 +1,12 @@
 """Memory follows what happens, not the ratio of two scales of the input."""
 
 import json
-import subprocess
 import sys
 
 import numpy as np
 import pytest
 
+import children
 import lapwing
 from lapwing.engine import methods
 
@@ -34,10 +34,9 @@ pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="re
 
 
 def child(code, limit=4096):
-    done = subprocess.run([sys.executable, "-c", CHILD.format(code=code, limit=limit)],
-                          capture_output=True, text=True, check=False)
-    assert done.returncode == 0, (done.returncode, done.stderr)
-    return json.loads(done.stdout)
+    ended = children.carried_out(CHILD.format(code=code, limit=limit))
+    assert ended.code == 0, ended
+    return json.loads(ended.said)
 
 
 def stiff(ratio, xi):
@@ -117,10 +116,9 @@ print(run.status.name, *(lapwing.Status(one).name for one in swept.status.values
     (4, {"OUT_OF_MEMORY", "OK"}), (1000, {"OK", "TOO_MANY_EVENTS"})])
 def test_no_memory_is_a_status(room, statuses):
     code = TIGHT.format(osc=stiff(2e-2, 50.0), room=room)
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
-                          check=False)
-    assert done.returncode == 0, (done.returncode, done.stderr)
-    said = set(done.stdout.split())
+    ended = children.carried_out(code)
+    assert ended.code == 0, ended
+    said = set(ended.said.split())
     assert said <= statuses and ("OUT_OF_MEMORY" in said) == ("OUT_OF_MEMORY" in statuses)
 
 
@@ -153,10 +151,9 @@ print(*(lapwing.Status(int(status)).name for status in result.outcome["status"])
 
 def test_points_that_are_finished_stay_so_where_memory_ends():
     """A sweep is many calls: what one of them has no room for takes nothing from those before."""
-    done = subprocess.run([sys.executable, "-c", SECOND_POINT.format(osc=stiff(6e-3, 50.0))],
-                          capture_output=True, text=True, check=False)
-    assert done.returncode == 0, (done.returncode, done.stderr)
-    assert done.stdout.split() == ["OK", "OUT_OF_MEMORY"]
+    ended = children.carried_out(SECOND_POINT.format(osc=stiff(6e-3, 50.0)))
+    assert ended.code == 0, ended
+    assert ended.said.split() == ["OK", "OUT_OF_MEMORY"]
 
 
 SPY = """

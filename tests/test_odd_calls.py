@@ -14,7 +14,7 @@ import odd_values
 HERE = Path(__file__).parent
 NAMES = list(odd_values.CASES)
 # A few processes of many calls each: starting one takes longer than its calls.
-BATCHES = [NAMES[i::4] for i in range(4)]
+BATCHES = [NAMES[i::2] for i in range(2)]
 
 
 def run(names, which):
@@ -104,10 +104,12 @@ resource.setrlimit(resource.RLIMIT_AS, (3 << 30, 3 << 30))
 sys.path.insert(0, {here!r})
 import lapwing
 from lapwing.base.arguments import LEAST, MAX_INT, MOST
-from odd_values import OSC, PAIR, TE
+from helpers import PAIR, SHIPPED
+OSC = PAIR.oscillator(SHIPPED, brake_torque=12.5, pinion_speed_rpm=300)
 for key, value in {extremes}:
     if key.endswith("teeth"):
-        osc = replace(PAIR, **{{key: value}}).oscillator(TE, brake_torque=1, pinion_speed_rpm=300)
+        pair = replace(PAIR, **{{key: value}})
+        osc = pair.oscillator(SHIPPED, brake_torque=1, pinion_speed_rpm=300)
     else:
         osc = replace(OSC, **{{key: value}})
     for method in ("auto", "rk4"):

@@ -5,6 +5,7 @@ import threading
 
 import pytest
 
+import sketches
 from lapwing import progress
 from lapwing.deck import load_deck
 from lapwing.drawing import plot_file
@@ -117,9 +118,8 @@ def test_a_single_response_is_not_silent(tmp_path, hasty, monkeypatch):
 
 
 def test_drawing_again_tells_how_far_it_is(tmp_path, monkeypatch):
-    monkeypatch.setattr("lapwing.plots.FIGURES", {"response": ("history",), "sweep": (),
-                                         "critical": ("critical_search",)})
-    run_deck(load_deck(write_deck(tmp_path)), tmp_path / "r", threads=1)
+    sketches.draw_two(monkeypatch)
+    run_deck(load_deck(write_deck(tmp_path)), tmp_path / "r", threads=1, figures="none")
     monkeypatch.setattr(progress, "MINUTE", 0.0)
     stream = io.StringIO()
     lines = Lines("result.nc", stream)

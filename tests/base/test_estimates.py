@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+import children
 from lapwing import (
     GearPair,
     TransmissionError,
@@ -17,6 +19,7 @@ from lapwing import (
 )
 from lapwing.base import estimates, exit_codes
 from lapwing.base.estimates import available_bytes, refusal, response_bytes, spell, sweep_bytes
+from lapwing.cli import app
 from lapwing.deck import load_deck
 from lapwing.engine import calls
 from lapwing.results.variables import described
@@ -42,9 +45,7 @@ with open("/proc/self/status") as file:
 
 
 def peak(work):
-    done = subprocess.run([sys.executable, "-c", CHILD.format(work=work)], check=True,
-                          capture_output=True, text=True)
-    return int(done.stdout)
+    return int(children.carried_out(CHILD.format(work=work)).said)
 
 
 SWEEP = ("sweep(pair, te, parameter='brake_torque', values=[1.0 + i for i in range({})], "
@@ -74,9 +75,8 @@ def test_too_large_is_refused_before_work(tmp_path):
     deck = tmp_path / "deck.nml"
     deck.write_text(LARGE, encoding="utf-8")
     for command in (["check", str(deck)], ["run", str(deck), "--out", str(tmp_path / "out")]):
-        done = subprocess.run([sys.executable, "-m", "lapwing", *command], capture_output=True,
-                              text=True)
-        assert done.returncode == 2
+        done = CliRunner().invoke(app, command)
+        assert done.exit_code == 2
         assert f"{deck}: &sweep 'large' needs at least 4.08 TB of memory, " in done.stderr
         assert "lower record_cycles, the number of values" in done.stderr
         assert len(done.stderr.splitlines()) == 1
@@ -139,8 +139,7 @@ def test_disk_between_the_bounds(tmp_path):
     deck = tmp_path / "deck.nml"
     deck.write_text(PLAIN, encoding="utf-8")
     least, tables = estimates.disk_bytes(load_deck(deck, []))
-    subprocess.run([sys.executable, "-m", "lapwing", "run", str(deck), "--out",
-                    str(tmp_path / "out")], check=True, capture_output=True)
+    run_deck(load_deck(deck, []), tmp_path / "out")
     files = {path.name: path.stat().st_size for path in (tmp_path / "out" / "deck").iterdir()}
     assert least < sum(files.values())
     # The log of events, and what a file of groups and attributes takes by itself.

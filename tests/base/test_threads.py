@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 import lapwing
+from helpers import PAIR, SHIPPED
 from lapwing.base import threads
-from odd_values import PAIR, TE
 
-SWEEP = ("import lapwing, sys; sys.path[:0] = {tests!r}; from odd_values import PAIR, TE\n"
-         "print(lapwing.sweep(PAIR, TE, values=range(1, 41), starts=('rest',), settle=2, record=1,"
-         " pinion_speed_rpm=300, threads={threads}).phi.values.tobytes().hex())")
+SWEEP = ("import lapwing, sys; sys.path[:0] = {tests!r}; from helpers import PAIR, SHIPPED\n"
+         "print(lapwing.sweep(PAIR, SHIPPED, values=range(1, 41), starts=('rest',), settle=2,"
+         " record=1, pinion_speed_rpm=300, threads={threads}).phi.values.tobytes().hex())")
 
 
 @pytest.mark.parametrize(("value", "meant"), [
@@ -61,7 +61,7 @@ def test_a_huge_wish_is_bounded(monkeypatch):
 
 
 def sweep(wanted):
-    return lapwing.sweep(PAIR, TE, values=range(1, 41), starts=("rest",), settle=2, record=1,
+    return lapwing.sweep(PAIR, SHIPPED, values=range(1, 41), starts=("rest",), settle=2, record=1,
                          pinion_speed_rpm=300, threads=wanted).phi.values.tobytes()
 
 

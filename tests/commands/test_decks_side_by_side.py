@@ -1,12 +1,13 @@
 """Several decks at a time: the same results as one by one, within the threads and the memory."""
 
+import contextlib
 import hashlib
 import os
 import queue
+import select
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -17,14 +18,23 @@ from lapwing.commands import side_by_side
 from lapwing.deck import load_deck
 from test_cli import call, write_deck
 
-LAPWING = [sys.executable, "-m", "lapwing", "run"]
+# The command, which says when two decks have a shard each.
+COMMAND = """
+import sys
+from pathlib import Path
+from lapwing.__main__ import main
+from lapwing.commands import side_by_side
+out, take, said = Path(sys.argv[sys.argv.index("--out") + 1]), side_by_side._Batch._take, []
+
+def looked(self):
+    take(self)
+    if not said and all(list(out.glob(f"plane{n}.shards/*/shard-*.nc")) for n in (0, 1)):
+        said.append(print("begun", flush=True))
+
+side_by_side._Batch._take = looked
+main()
+"""
 SETTLE = 400  # a second or two of work for a map
-
-
-def run(*words):
-    done = subprocess.run([*LAPWING, *map(str, words), "--figures", "none"], capture_output=True,
-                          text=True, check=False)
-    return done.returncode, done.stdout, done.stderr
 
 
 def written(out):
@@ -50,7 +60,8 @@ def one_by_one(out, *decks):
 
 
 def test_the_bytes_and_the_worst_code_are_those_of_one_by_one(decks, tmp_path):
-    code, out, err = run(*decks, "--threads", 2, "--out", tmp_path / "together")
+    done = call("run", *decks, "--threads", 2, "--out", tmp_path / "together", "--figures", "none")
+    code, out, err = done.exit_code, done.stdout, done.stderr
     expected, said = one_by_one(tmp_path / "one", *decks)
     assert code == expected == 2
     assert written(tmp_path / "together") == written(tmp_path / "one")
@@ -77,13 +88,10 @@ def long_decks(folder):
 
 def begun(decks, out):
     """Decks under way, two of them with a shard each at least; and their processes."""
-    job = subprocess.Popen([*LAPWING, *map(str, decks), "--threads", "2", "--out", str(out),
-                            "--figures", "none"], stdout=subprocess.PIPE,
+    words = ["run", *map(str, decks), "--threads", "2", "--out", str(out), "--figures", "none"]
+    job = subprocess.Popen([sys.executable, "-c", COMMAND, *words], stdout=subprocess.PIPE,
                            stderr=subprocess.STDOUT, text=True)
-    while job.poll() is None and not all(
-            list(out.glob(f"plane{n}.shards/*/shard-*.nc")) for n in (0, 1)):
-        time.sleep(0.01)
-    assert job.poll() is None
+    assert "begun\n" in iter(job.stdout.readline, "")
     return job, workers(job.pid)
 
 
@@ -94,12 +102,12 @@ def workers(pid):
             if f" {pid} " in f" {row.split()[1]} " and "lapwing.commands.worker" in row]
 
 
-def gone(pid):
-    try:
-        with open(f"/proc/{pid}/stat", encoding="ascii") as file:
-            return file.read().rpartition(")")[2].split()[0] == "Z"
-    except FileNotFoundError:
-        return True
+def wait_for(pid):
+    """Until a process has ended that may be nobody's child."""
+    with contextlib.suppress(ProcessLookupError):
+        process = os.pidfd_open(pid)
+        select.select([process], [], [])
+        os.close(process)
 
 
 @pytest.mark.skipif(not os.path.isdir("/proc"), reason="looks at processes")
@@ -114,8 +122,8 @@ def test_what_ends_the_command_ends_all_and_the_same_command_goes_on(tmp_path, s
     if signum == signal.SIGTERM:
         assert job.returncode == ExitCode.STOPPED, said
         assert "plane0: stopped" in said and "plane2" not in said
-    while not all(gone(pid) for pid in pids):  # an orphan hears that nobody listens
-        time.sleep(0.01)
+    for pid in pids:  # an orphan hears that nobody listens
+        wait_for(pid)
     assert one_by_one(out, *paths)[0] == 0
     assert one_by_one(tmp_path / "alone", paths[0])[0] == 0
     # The deck's name is all that they differ in.

@@ -8,7 +8,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 from typer.testing import CliRunner
@@ -28,7 +27,7 @@ echo "work $*" >> "$CALLS"
 [ -n "$CODE" ] && exit "$CODE"
 trap 'exit 75' USR1
 trap 'exit 75' TERM
-: > "$CALLS.ready"
+echo ready
 while :; do sleep 0.02; done
 """
 
@@ -67,12 +66,12 @@ def carried_out(shell, folder, *words, task=None, code=None, told=None):
     environment = {**os.environ, "SLURM_JOB_ID": "77",
                    **({"SLURM_ARRAY_TASK_ID": str(task)} if task else {}),
                    **({"CODE": str(code)} if code is not None else {})}
-    job = subprocess.Popen([shell, "plane.sh", *words], cwd=folder, env=environment)
-    while told and not (folder / "calls.ready").exists() and job.poll() is None:
-        time.sleep(0.01)
-    if told:
-        job.send_signal(told)
-    return job.wait()
+    with subprocess.Popen([shell, "plane.sh", *words], cwd=folder, env=environment,
+                          stdout=subprocess.PIPE) as job:
+        if told:
+            assert job.stdout.readline() == b"ready\n"
+            job.send_signal(told)
+        return job.wait()
 
 
 SHELLS = [shell for shell in ("dash", "bash") if shutil.which(shell)] or ["sh"]

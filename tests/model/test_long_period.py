@@ -3,13 +3,13 @@
 import itertools
 import json
 import math
-import subprocess
 import sys
 
 import mpmath as mp
 import numpy as np
 import pytest
 
+import children
 from lapwing.model import linear_response
 from lapwing.model.linear_response import critical_force, engaged_response
 from lapwing.model.oscillator import Oscillator
@@ -199,7 +199,6 @@ print(json.dumps([int(count), (peak() - begun) / 1024]))
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
 def test_memory_does_not_follow_the_ratio_of_two_scales():
-    done = subprocess.run([sys.executable, "-c", CHILD], check=True, capture_output=True, text=True)
-    count, megabytes = json.loads(done.stdout)
+    count, megabytes = json.loads(children.carried_out(CHILD).said)
     # SciPy's linear algebra among them.
     assert count == 3 * 6 * 11 and megabytes < 100

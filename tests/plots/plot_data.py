@@ -73,7 +73,7 @@ def make_criticals():
                                  numerics=Numerics(max_events_per_cycle=2), **short),
         # At 0.7 N·m one cycle in seventy has a back impact: some are in as many as these.
         "back": critical_back(PAIR, SHIPPED, values=[0.6, 0.7, 0.9, 1.1],
-                              starts=StartGrid(1, 1, 1), **(short | {"record": 2000})),
+                              starts=StartGrid(1, 1, 1), **(short | {"record": 600})),
         "no_back": critical_back(PAIR, SHIPPED, values=[5, 6], starts=StartGrid(1, 1, 1), **short),
         "on": critical_on(PAIR, TransmissionError.parabola(5e-5), contact_law="rigid",
                           pinion_speed_rpm=240)}

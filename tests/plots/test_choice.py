@@ -1,7 +1,6 @@
 """Which figures are drawn: the fewest, those a deck names, or all."""
 
 import pytest
-from plot_data import make_results
 
 from lapwing import plots
 from lapwing.base.registry import STUDIES
@@ -19,12 +18,6 @@ DECK = """&gear_pair
 &operation brake_torque = 1.8, pinion_speed_rpm = 240 /
 &response name = 'one'{} /
 """
-
-
-@pytest.fixture(scope="module")
-def results(tmp_path_factory):
-    with make_results(tmp_path_factory.mktemp("plots")) as results:
-        yield results
 
 
 def chosen(results, words):

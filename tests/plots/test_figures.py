@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 import pytest
-from plot_data import CURVES, RESPONSES, make_curve, make_results
+from plot_data import CURVES, RESPONSES, make_curve
 
 from lapwing import Status, plots
 from lapwing.plots import style, typeface
@@ -21,18 +21,12 @@ UNIT = re.compile(r"\((µrad|arcsec|N|N·m|rad/s|mm/s|mN·s|ms|rpm|Hz|mesh perio
                   r"per mesh cycle|"
                   r"multiples of the mesh frequency|µrad per mesh period|"
                   r"(µrad|arcsec) per degree of the pinion|µrad per τ)[;)]")
-# Placing everything takes long, so it is done for the responses most unlike each other only.
-LAID_OUT = ("chatter", "failed", "rigid_engaged")
+# Placing everything takes long, so it is done for the studies most unlike each other only.
+LAID_OUT = ("chatter", "failed", "rigid_engaged", "torque")
 SHARE = re.compile(r"% of those followed|per mesh cycle examined|^$")
 WITHOUT_UNIT = ("impacts\nper cycle", "recorded mesh cycle", "larger Floquet\nmultiplier |λ|",
                 "impacts per mesh cycle and decade of speed", "each\nfrom rest",
                 "carried\nupwards", "carried\ndownwards")
-
-
-@pytest.fixture(scope="module")
-def results(tmp_path_factory):
-    with make_results(tmp_path_factory.mktemp("plots")) as results:
-        yield results
 
 
 def draw(module, dataset, pair, laid_out=False, **options):
@@ -90,7 +84,7 @@ def test_a_sweep_is_drawn(results, module, name):
         # Nothing was counted, or nothing but the points that failed would have struck.
         assert name == "plain" or (module.endswith("density") and name == "failed")
         return
-    assert_units(draw(module, results.sweep(name), results.gear_pair, laid_out=True))
+    assert_units(draw(module, results.sweep(name), results.gear_pair, name in LAID_OUT))
 
 
 @pytest.mark.parametrize("name", ["speed", "safe", "all_safe", "failing", "back", "no_back"])
@@ -131,8 +125,9 @@ def test_critical_values_are_marked_on_a_sweep(results):
     marks[0] = marks[0]._replace(low=2.0, high=2.5)  # into the range of this sweep
     for module, panels in (("orbit_diagram", 4), ("deepest_separation", 1), ("staircase", 1),
                            ("exponents", 3), ("impact_speed_density", 3), ("waterfall", 3)):
-        plain, marked = (draw(module, results.sweep("torque"), results.gear_pair, laid_out=True,
-                              marks=given) for given in ((), marks))
+        plain, marked = (draw(module, results.sweep("torque"), results.gear_pair,
+                              laid_out=bool(given) and module == "orbit_diagram", marks=given)
+                         for given in ((), marks))
         for one, two in list(zip(plain.axes, marked.axes, strict=True))[:panels]:
             assert len(two.patches) - len(one.patches) == 2  # T_full has its line already
         words = set(texts(marked)) - set(texts(plain))

@@ -1,4 +1,6 @@
-"""Studies that the tests of reports damage copies of, computed once."""
+"""Studies that the tests of reports look at, whole and damaged, computed once."""
+
+from functools import cache
 
 import pytest
 from partial_data import whole_sweeps
@@ -18,3 +20,9 @@ def responses():
 @pytest.fixture(scope="session")
 def searches():
     return whole_searches()
+
+
+@pytest.fixture(scope="session")
+def damaged(request):
+    """Callable(kind, name, damage): one of these studies with a damage, computed once, too."""
+    return cache(lambda kind, name, damage: damage(request.getfixturevalue(kind)[name]))

@@ -12,8 +12,8 @@ NAMES = ("torque", "compliant", "rigid", "single", "negative", "speed")
 
 @pytest.mark.parametrize("damage", DAMAGES, ids=lambda one: one.__name__)
 @pytest.mark.parametrize("name", NAMES)
-def test_the_greatest_is_that_of_the_points_that_are_there(sweeps, name, damage):
-    data = damage(sweeps[name])
+def test_the_greatest_is_that_of_the_points_that_are_there(damaged, name, damage):
+    data = damaged("sweeps", name, damage)
     lines = amplitude_lines(data, "u")
     assert not any("nan" in line for line in lines)
     values = data["dynamic_te_rms"].values

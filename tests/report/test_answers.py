@@ -39,6 +39,7 @@ def told(responses=(), criticals=(), sweeps=(), missing=()):
 
 def points(sweep):
     """(value, rattles, meets the coast flank, failed) of each point, one by one."""
+    sweep = sweep[["status", "states_visited", "impacts", "back_impacts", "back_engages"]]
     for point in (sweep.isel(start=i).isel({sweep.attrs["parameter"]: j})
                   for i in range(sweep.sizes["start"])
                   for j in range(sweep.sizes[sweep.attrs["parameter"]])):
@@ -107,8 +108,8 @@ def check(said, seen):
 
 @pytest.mark.parametrize("damage", DAMAGES, ids=lambda one: one.__name__)
 @pytest.mark.parametrize("name", SWEEPS)
-def test_findings_of_a_sweep_rest_on_its_points(sweeps, name, damage):
-    data = damage(sweeps[name])
+def test_findings_of_a_sweep_rest_on_its_points(damaged, name, damage):
+    data = damaged("sweeps", name, damage)
     said = told(sweeps=[data])
     seen = list(points(data))
     if name not in ("negative", "speed"):
@@ -126,8 +127,8 @@ def test_findings_of_a_sweep_rest_on_its_points(sweeps, name, damage):
 
 @pytest.mark.parametrize("damage", SEARCH_DAMAGES, ids=lambda one: one.__name__)
 @pytest.mark.parametrize("name", SEARCHES)
-def test_findings_of_a_search_rest_on_its_motions(searches, name, damage):
-    data = damage(searches[name])
+def test_findings_of_a_search_rest_on_its_motions(damaged, name, damage):
+    data = damaged("searches", name, damage)
     said = told(criticals=[data])
     check(said, list(trials(data)))
     if damage is nothing_known:
@@ -138,8 +139,8 @@ def test_findings_of_a_search_rest_on_its_motions(searches, name, damage):
 
 @pytest.mark.parametrize("damage", RESPONSE_DAMAGES, ids=lambda one: one.__name__)
 @pytest.mark.parametrize("name", RESPONSES)
-def test_findings_of_a_response_rest_on_it(responses, name, damage):
-    data = damage(responses[name])
+def test_findings_of_a_response_rest_on_it(damaged, name, damage):
+    data = damaged("responses", name, damage)
     said = " ".join(told([data]))
     if damage is failed:
         assert said == NOTHING

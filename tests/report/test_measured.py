@@ -32,8 +32,8 @@ def run(folder, fit, noise=0.4, studies=""):
     if studies:
         text = text[:text.index("&response")] + studies
     (folder / "deck.nml").write_text(text, encoding="utf-8")
-    outcome = run_deck(load_deck(folder / "deck.nml"), folder / "out", threads=1)
-    assert not outcome.undrawn and not outcome.failed
+    outcome = run_deck(load_deck(folder / "deck.nml"), folder / "out", threads=1, figures="none")
+    assert not outcome.failed
     summary = (outcome.folder / "summary.md").read_text(encoding="utf-8")
     return outcome, summary, read_results(outcome.folder / "result.nc")
 

@@ -6,7 +6,7 @@ import warnings
 import numpy as np
 import pytest
 from figure_checks import assert_no_invented_axes, words_of
-from partial_data import DAMAGES, interrupted
+from partial_data import DAMAGES, as_it_is, interrupted, some_failed
 
 from lapwing import Status, plots
 from lapwing.plots.sweep import orbit_diagram
@@ -19,8 +19,8 @@ SWEEPS = ("torque", "compliant", "rigid", "one_branch", "single", "negative", "e
 
 @pytest.mark.parametrize("damage", DAMAGES, ids=lambda one: one.__name__)
 @pytest.mark.parametrize("name", SWEEPS)
-def test_every_sentence_rests_on_results(sweeps, name, damage):
-    data = damage(sweeps[name])
+def test_every_sentence_rests_on_results(damaged, name, damage):
+    data = damaged("sweeps", name, damage)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         said = "\n".join(sweep_text(data))
@@ -50,10 +50,16 @@ def test_every_sentence_rests_on_results(sweeps, name, damage):
         assert re.search(rf"judged at (all )?{judged} value", hysteresis)
 
 
-@pytest.mark.parametrize("damage", DAMAGES, ids=lambda one: one.__name__)
-@pytest.mark.parametrize("name", SWEEPS)
-def test_every_figure_is_drawn_without_a_warning(sweeps, name, damage):
-    data = damage(sweeps[name])
+# Drawing takes longest: for every day each damage of one sweep, and two of each sweep.
+DRAWN = [pytest.param(name, damage, id=f"{name}-{damage.__name__}",
+                      marks=() if name == "torque" or damage in (as_it_is, some_failed)
+                      else pytest.mark.full)
+         for name in SWEEPS for damage in DAMAGES]
+
+
+@pytest.mark.parametrize(("name", "damage"), DRAWN)
+def test_every_figure_is_drawn_without_a_warning(damaged, name, damage):
+    data = damaged("sweeps", name, damage)
     drawn = [module for module in plots.FIGURES["sweep"] if plots.shows(module, data)]
     assert bool(drawn) == bool((data["status"] == Status.OK).any())
     for module in plots.FIGURES["sweep"]:

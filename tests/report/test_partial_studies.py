@@ -10,9 +10,11 @@ from partial_studies import (
     RESPONSE_DAMAGES,
     SEARCH_DAMAGES,
     every_second_failed,
+    failed,
     nothing_known,
     second_run_differs,
     unsafe_ones_failed,
+    whole,
     without_intervals,
 )
 
@@ -39,8 +41,8 @@ def all_said(data):
 
 @pytest.mark.parametrize("damage", RESPONSE_DAMAGES, ids=lambda one: one.__name__)
 @pytest.mark.parametrize("name", RESPONSES)
-def test_every_sentence_of_a_response_rests_on_results(responses, name, damage):
-    data = damage(responses[name])
+def test_every_sentence_of_a_response_rests_on_results(damaged, name, damage):
+    data = damaged("responses", name, damage)
     said, attrs = all_said(data), data.attrs
     assert not re.search(r"\b(nan|inf)\b", said)
     if attrs["status"]:
@@ -82,11 +84,17 @@ def test_without_an_interval_there_is_no_plus_minus(responses):
     assert "95 %" not in _legend([without_intervals(responses["chatter"]).attrs])[0]
 
 
-@pytest.mark.parametrize("damage", RESPONSE_DAMAGES, ids=lambda one: one.__name__)
-@pytest.mark.parametrize("name", RESPONSES)
+# Drawing takes longest: for every day each damage of one motion, and two of each.
+DRAWN = [pytest.param(name, damage, id=f"{name}-{damage.__name__}",
+                      marks=() if name == "periodic" or damage in (whole, failed)
+                      else pytest.mark.full)
+         for name in RESPONSES for damage in RESPONSE_DAMAGES]
+
+
+@pytest.mark.parametrize(("name", "damage"), DRAWN)
 @pytest.mark.parametrize("module", plots.FIGURES["response"])
-def test_every_figure_of_a_response_shows_results_alone(responses, name, damage, module):
-    data = damage(responses[name])
+def test_every_figure_of_a_response_shows_results_alone(damaged, name, damage, module):
+    data = damaged("responses", name, damage)
     if not plots.shows(module, data):
         struck = np.isin(data["event_kind"].values, [int(kind) for kind in IMPACTS.kinds]).any() \
             or data.attrs["contact_law"] == "compliant"
@@ -113,8 +121,8 @@ def search_said(data):
 
 @pytest.mark.parametrize("damage", SEARCH_DAMAGES, ids=lambda one: one.__name__)
 @pytest.mark.parametrize("name", SEARCHES)
-def test_every_sentence_of_a_search_rests_on_results(searches, name, damage):
-    data = damage(searches[name])
+def test_every_sentence_of_a_search_rests_on_results(damaged, name, damage):
+    data = damaged("searches", name, damage)
     said = search_said(data)
     assert not re.search(r"\b(nan|inf)\b", said)
     lost = int(data["trial_failed"].sum())
@@ -149,8 +157,8 @@ def test_values_at_which_every_motion_failed_bound_no_rate(searches):
 
 @pytest.mark.parametrize("damage", SEARCH_DAMAGES, ids=lambda one: one.__name__)
 @pytest.mark.parametrize("name", SEARCHES)
-def test_every_figure_of_a_search_shows_results_alone(searches, name, damage):
-    data = damage(searches[name])
+def test_every_figure_of_a_search_shows_results_alone(damaged, name, damage):
+    data = damaged("searches", name, damage)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         figure = plots.figure_of("critical_search", data, gear_pair=GEAR)

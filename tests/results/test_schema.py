@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 
 import lapwing
+import sketches
 from helpers import PAIR, dataset_bytes
 from lapwing.base.arrivals import listed_impacts
 from lapwing.results import SCHEMA_VERSION, read_results
@@ -57,10 +58,11 @@ def test_old_files_are_read_in_the_form_of_today(old, today):
                         np.testing.assert_array_equal(one[key], other[key])
 
 
-def test_figures_and_summary_are_made_from_old_files(old, tmp_path):
+def test_figures_and_summary_are_made_from_old_files(old, tmp_path, monkeypatch):
     from lapwing.plots import draw_all
     from lapwing.report.summary import summary_text
 
+    monkeypatch.setattr("lapwing.plots.style.save", sketches.save)  # drawn, not rendered
     with read_results(old) as results:
         assert "T_full" in summary_text(results)
         assert len(draw_all(results, tmp_path, formats=("png",))) >= 8

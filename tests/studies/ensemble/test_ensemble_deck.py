@@ -109,5 +109,5 @@ def test_a_table_is_run_row_by_row(tmp_path):
 
 def test_the_time_it_takes_is_estimated(deck):
     clock = iter(np.arange(0.0, 1e6, 0.01))
-    stage, = stages_of(load_deck(deck), 2, 0.5, lambda: float(next(clock)))
+    stage, = stages_of(load_deck(deck), 2, 0.1, lambda: float(next(clock)))
     assert stage.name == "ensemble 'pairs'" and 0 < stage.low <= stage.high and 0 < stage.part <= 1

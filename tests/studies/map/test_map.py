@@ -1,6 +1,5 @@
 """Maps: the numbers of sweeps, whatever the cut, and nothing lost between processes."""
 
-import contextlib
 import errno
 import os
 import subprocess
@@ -8,10 +7,12 @@ import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import children
 import lapwing
 from helpers import ROOT, dataset_bytes
 from lapwing import Numerics, Status, TransmissionError, engine, parameter_map, sweep
@@ -226,62 +227,93 @@ def test_a_shard_of_another_build_is_not_taken(tmp_path, monkeypatch):
     assert len(notes) == 4 and all("another build of the engine" in note for note in notes)
 
 
-def test_two_starters_at_worst_repeat_work(tmp_path):
-    code = ("import sys; sys.path.insert(0, 'tests/studies/map'); sys.path.insert(0, 'tests')\n"
-            "from pathlib import Path\nfrom test_map import mapped, dataset_bytes\n"
-            f"found = mapped(shard_runs=2, folder=Path({str(tmp_path)!r}), threads=1)\n"
-            "import hashlib; print(hashlib.sha256(repr(dataset_bytes(found)).encode())"
-            ".hexdigest())\n")
-    pair = [subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True,
-                             cwd=ROOT) for _ in range(2)]
-    said = {one.communicate()[0] for one in pair}
-    assert len(said) == 1 and len(said.pop()) == 65
-    assert {one.returncode for one in pair} == {0}
+@pytest.fixture(scope="module")
+def processes():
+    """Two that wait for work."""
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        yield pool
+
+
+def bytes_of_a_map(folder):
+    return dataset_bytes(mapped(shard_runs=2, folder=folder, threads=1))
+
+
+def test_two_starters_at_worst_repeat_work(tmp_path, processes):
+    one, other = [processes.submit(bytes_of_a_map, tmp_path) for _ in range(2)]
+    assert one.result() == other.result()
     assert not list(tmp_path.glob(".*"))
-
-
-def kills(count, folder):
-    """Kill a process that makes a map, at random instants, until so many have died."""
-    code = ("import sys; sys.path.insert(0, 'tests/studies/map'); sys.path.insert(0, 'tests')\n"
-            "from pathlib import Path\nfrom test_map import mapped, LONG\n"
-            f"mapped(LONG, shard_runs=4, folder=Path({str(folder)!r}), settle=400, threads=2)\n")
-    random, deaths = np.random.default_rng(4), 0
-    while deaths < count:
-        child = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT)
-        before = len(shards_in(folder))
-        # It is killed some time after it has published a shard.
-        while child.poll() is None and len(shards_in(folder)) <= before:
-            time.sleep(0.01)
-        time.sleep(random.uniform(0, 0.05))
-        if child.poll() is not None:
-            assert child.returncode == 0
-            discard_shards(folder)
-            continue
-        child.kill()
-        child.wait()
-        deaths += 1
 
 
 LONG = {"pinion_speed_rpm": [1500.0, 1700.0, 1900.0, 2100.0],
         "brake_torque": np.linspace(4, 9, 40)}
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+sys.path.insert(0, {here!r})
+from test_map import LONG, mapped
+from lapwing.results import shards
+left, original = {call}, shards.{step}
+
+def counted(*given):
+    global left
+    left -= 1
+    if {after}:
+        original(*given)
+    if left < 0:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return None if {after} else original(*given)
+
+shards.{step} = counted
+mapped(LONG, shard_runs=4, folder=Path({folder!r}), settle=30)
+"""
 
 
-@pytest.mark.parametrize("count", [3, pytest.param(100, marks=pytest.mark.full)])
-def test_a_kill_loses_no_more_than_what_was_under_way(count, tmp_path):
+# A publication flushes twice: the file, and the folder that has its name.
+@pytest.mark.parametrize(("step", "call", "after"), [
+    ("store_checksums", 5, False), ("flush", 8, False), ("flush", 8, True), ("flush", 9, False)])
+def test_a_kill_loses_no_more_than_what_was_under_way(step, call, after, tmp_path):
     """Whatever lies there after SIGKILL is whole, and the map goes on to the same numbers."""
-    kills(count, tmp_path)
+    program = KILLED.format(here=str(Path(__file__).parent), folder=str(tmp_path), step=step,
+                            call=call, after=after)
+    ended = children.carried_out(program)
+    assert ended.code == -9, ended.said
+    lying = shards_in(tmp_path)
+    assert len(lying) >= 3 and any(tmp_path.glob(".*.tmp")) == (call != 9)
+    expected = mapped(LONG, shard_runs=4, settle=30)
+    found = mapped(LONG, shard_runs=4, folder=tmp_path, settle=30, notes=pytest.fail)
+    assert dataset_bytes(found) == dataset_bytes(expected)
+    discard_shards(tmp_path)
+    assert not tmp_path.exists()
+
+
+@pytest.mark.full
+def test_of_a_hundred_kills_at_any_instant_none_leaves_anything_half(tmp_path):
+    code = ("import sys; sys.path[:0] = sys.argv[1:3]\n"
+            "from pathlib import Path\nfrom test_map import mapped, LONG\n"
+            "mapped(LONG, shard_runs=4, folder=Path(sys.argv[3]), settle=400, threads=2,\n"
+            "       progress=lambda _: print(flush=True))\n")
+    deaths = 0
+    while deaths < 100:
+        child = subprocess.Popen([sys.executable, "-c", code, Path(__file__).parent, ROOT / "tests",
+                                  tmp_path], stdout=subprocess.PIPE)
+        for _ in range(1 + deaths % 7):  # killed some time after it has told of a shard
+            child.stdout.readline()
+        child.kill()
+        child.communicate()
+        deaths += child.returncode != 0
+        if child.returncode == 0:
+            discard_shards(tmp_path)
     expected = mapped(LONG, shard_runs=4, settle=400)
     found = mapped(LONG, shard_runs=4, folder=tmp_path, settle=400, notes=pytest.fail)
     assert dataset_bytes(found) == dataset_bytes(expected)
 
 
-def test_any_executor_makes_the_same_shards(tmp_path):
+def test_any_executor_makes_the_same_shards(tmp_path, processes):
     expected = dataset_bytes(mapped(shard_runs=9))
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        found = mapped(shard_runs=9, folder=tmp_path, executor=pool)
+    found = mapped(shard_runs=9, folder=tmp_path, executor=processes)
     assert dataset_bytes(found) == expected and shards_in(tmp_path) == [0, 1, 2, 3]
     with pytest.raises(ValueError, match="executor wants a folder"):
-        mapped(executor=pool)
+        mapped(executor=processes)
 
 
 def test_the_cut_follows_from_the_map_alone():
@@ -317,7 +349,7 @@ def test_every_run_is_in_the_shard_that_says_so(start, size):
 
 @pytest.mark.parametrize("start", ["up", "down"])
 @pytest.mark.parametrize("spawned", [False, True])
-def test_a_chain_goes_on_from_what_it_was_handed(start, spawned, tmp_path):
+def test_a_chain_goes_on_from_what_it_was_handed(start, spawned, tmp_path, request):
     """A shard in the middle is lost, another is changed: the same numbers, and nothing for nothing.
 
     The coast-flank runs in between fail: the next value begins at rest, as in one line.
@@ -332,9 +364,8 @@ def test_a_chain_goes_on_from_what_it_was_handed(start, spawned, tmp_path):
     shard_path(tmp_path, 5).unlink()
     _cut(shard_path(tmp_path, 9))
     notes, made = [], {path.name: path.stat().st_ino for path in tmp_path.iterdir()}
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) if spawned \
-            else contextlib.nullcontext() as pool:
-        found = mapped(**options, notes=notes.append, executor=pool)
+    found = mapped(**options, notes=notes.append,
+                   executor=request.getfixturevalue("processes") if spawned else None)
     assert numbers_of(found) == numbers_of(expected)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == lying
     assert {path.name for path in tmp_path.iterdir() if path.stat().st_ino

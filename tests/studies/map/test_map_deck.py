@@ -1,12 +1,10 @@
 """A map in a deck: killed, stopped, gone on with; the same numbers in the end, no shard left."""
 
 import signal
-import subprocess
-import sys
-import time
 
 import pytest
 
+import children
 from helpers import plane_deck, plane_numbers
 from lapwing.deck import load_deck
 from lapwing.folder import FolderError
@@ -14,95 +12,94 @@ from lapwing.part import run_part
 from lapwing.results import read_results
 from lapwing.results.shards import shards_in
 from lapwing.run import run_deck
+from lapwing.studies.map import work
 from lapwing.studies.map.shards import Job
 
 SHARDS = 24
+# The command, sent a signal as soon as it has published so many shards.
+SIGNALLED = """
+import os, signal, sys
+from lapwing.__main__ import main
+from lapwing.studies.map import work
+signal.signal(signal.SIGINT, signal.default_int_handler)
+left, write_shard = {shards}, work.write_shard
+
+def counted(*given):
+    global left
+    digest = write_shard(*given)
+    left -= 1
+    if not left:
+        os.kill(os.getpid(), {number})
+    return digest
+
+work.write_shard = counted
+sys.argv = ["lapwing", "run", {deck!r}, "--out", {out!r}, "--figures", "none"]
+main()
+"""
 
 
 @pytest.fixture(scope="module")
 def deck(tmp_path_factory):
     path = tmp_path_factory.mktemp("map") / "plane.nml"
-    path.write_text(plane_deck(30, 600, 5), encoding="utf-8")
+    path.write_text(plane_deck(30, 100, 5), encoding="utf-8")
     return path
 
 
-def run(deck, out, *options):
-    return subprocess.Popen(
-        [sys.executable, "-m", "lapwing", "run", deck, "--out", out, "--figures", "none",
-         "--threads", "2", *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+def run(deck, out):
+    return run_deck(load_deck(deck), out, threads=2, figures="none")
+
+
+def signalled(deck, out, number, shards):
+    """How the command ends that is sent a signal after so many shards."""
+    return children.carried_out(SIGNALLED.format(deck=str(deck), out=str(out), number=int(number),
+                                                 shards=shards))
 
 
 @pytest.fixture(scope="module")
 def whole(deck, tmp_path_factory):
     out = tmp_path_factory.mktemp("whole")
-    child = run(deck, out)
-    said, errors = child.communicate()
-    assert child.returncode == 0, errors
-    assert "contact was kept in" in said
+    outcome = run(deck, out)
+    assert any("contact was kept in" in one for one in outcome.findings)
     assert [path.name for path in out.iterdir()] == ["plane"]
     return plane_numbers(out / "plane" / "result.nc")
 
 
-def when_it_has(shards, child, folder):
-    """Wait until a child has so many shards; it has not ended then."""
-    while len(shards_in(folder)) < shards:
-        assert child.poll() is None, child.communicate()
-        time.sleep(0.005)
-
-
-def test_after_a_kill_the_same_command_goes_on(deck, whole, tmp_path):
+def test_after_a_kill_the_same_command_goes_on(deck, whole, tmp_path, monkeypatch):
     folder = tmp_path / "plane.shards" / "map_plane"
     for shards in (2, 7):
-        child = run(deck, tmp_path)
-        when_it_has(shards, child, folder)
-        child.kill()
-        child.communicate()
-        assert child.returncode == -signal.SIGKILL and not (tmp_path / "plane").exists()
-    lying = {path: path.stat().st_ino for path in folder.glob("shard-*.nc")}
-    assert 7 <= len(lying) < SHARDS
-    child = run(deck, tmp_path)
-    # What lies there is read, not made again, as long as there is work left.
-    when_it_has(len(lying) + 1, child, folder)
-    assert all(path.stat().st_ino == inode for path, inode in lying.items() if path.exists())
-    said, errors = child.communicate()
-    assert child.returncode == 0, errors
-    assert "again" not in said + errors
+        assert signalled(deck, tmp_path, signal.SIGKILL, shards).code == -signal.SIGKILL
+        assert not (tmp_path / "plane").exists()
+    assert len(shards_in(folder)) == 9
+    made, write_shard = [], work.write_shard
+    monkeypatch.setattr(work, "write_shard", lambda folder, index, *given: (
+        made.append(index), write_shard(folder, index, *given))[1])
+    outcome = run(deck, tmp_path)
+    # What lies there is read, not made again.
+    assert len(made) == SHARDS - 9 and not outcome.notes
     assert plane_numbers(tmp_path / "plane" / "result.nc") == whole
     assert [path.name for path in tmp_path.iterdir()] == ["plane"]
 
 
-@pytest.mark.parametrize(("number", "code"), [
-    (signal.SIGTERM, 75), pytest.param(signal.SIGINT, 130, marks=pytest.mark.full)])
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 75), (signal.SIGINT, 130)])
 def test_after_a_signal_too(deck, whole, tmp_path, number, code):
-    folder = tmp_path / "plane.shards" / "map_plane"
-    child = run(deck, tmp_path)
-    when_it_has(3, child, folder)
-    child.send_signal(number)
-    child.communicate()
-    assert child.returncode == code
+    ended = signalled(deck, tmp_path, number, 3)
+    assert ended.code == code, ended.said
     with read_results(tmp_path / "plane" / "result.nc") as results:
         assert results.interrupted and int(results.study("map", "plane").attrs["interrupted"])
     said = (tmp_path / "plane" / "summary.md").read_text(encoding="utf-8")
     assert "map `plane` lacks" in said and "not reached" in said
-    child = run(deck, tmp_path)
-    child.communicate()
-    assert child.returncode == 0
+    run(deck, tmp_path)
     assert plane_numbers(tmp_path / "plane" / "result.nc") == whole
     assert [path.name for path in tmp_path.iterdir()] == ["plane"]
 
 
 def test_a_damaged_shard_is_made_again_and_said(deck, whole, tmp_path):
     folder = tmp_path / "plane.shards" / "map_plane"
-    child = run(deck, tmp_path)
-    when_it_has(4, child, folder)
-    child.kill()
-    child.communicate()
+    signalled(deck, tmp_path, signal.SIGKILL, 4)
     path = sorted(folder.glob("shard-*.nc"))[0]
     path.write_bytes(path.read_bytes()[:1000])
     (folder / "notes of mine.txt").write_text("keep")
-    child = run(deck, tmp_path)
-    said, errors = child.communicate()
-    assert child.returncode == 0 and "shard 0 " in said + errors
+    assert any("shard 0 " in note for note in run(deck, tmp_path).notes)
     assert plane_numbers(tmp_path / "plane" / "result.nc") == whole
     assert [path.name for path in folder.iterdir()] == ["notes of mine.txt"]
 
