@@ -100,10 +100,10 @@ def keeps_shards(deck: Deck) -> bool:
 
 
 def jobs_of(deck: Deck) -> Iterator[tuple[str, str, Any]]:
-    """(kind, name, `studies.map.shards.Job`) of each study of a deck that keeps shards."""
+    """(kind, name, `studies.map.task.Task`) of each study of a deck that is cut into shards."""
     for study in carried_out():
         for asked in deck.studies[study.kind]:
-            if _keeps(study, asked):
+            if _keeps(study, asked) and hasattr(study.part("study"), "job"):
                 yield study.kind, asked.name, study.part("study").job(deck, asked)
 
 

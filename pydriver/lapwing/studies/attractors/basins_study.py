@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from lapwing.deck.deck import Asked, Deck
 
 
-
 def keeps_shards(_: Asked) -> bool:
     """Whether it keeps what is finished in a folder, while it is under way."""
     return True

@@ -33,6 +33,7 @@ from lapwing.studies.sweep.varied import oscillator_at
 
 if TYPE_CHECKING:
     from lapwing.model.oscillator import Oscillator
+    from lapwing.studies.critical.records import Records
 
 
 @arguments.complete(operation=GearPair.oscillator, varied="parameter")
@@ -41,7 +42,7 @@ def critical_safe(pair: GearPair, te: TransmissionError, *, parameter: str = "br
                   starts: StartGrid | None = None, phase: float = 0.0, settle: int = 200,
                   record: int = 50, further: float = 0, numerics: Numerics | None = None,
                   threads: int | None = None, progress: Callable[..., Any] | None = None,
-                  **operation: Any) -> CriticalValue:
+                  records: Records | None = None, **operation: Any) -> CriticalValue:
     """Value above which no rattling survives, from a stated set of starts.
 
     1. Try the values from the safe end on, each from rest and from a grid of phase, position and
@@ -66,6 +67,7 @@ def critical_safe(pair: GearPair, te: TransmissionError, *, parameter: str = "br
     numerics : lapwing.engine.Numerics or None
     threads : int or None; no result depends on it
     progress : callable(fraction) or None
+    records : Records or None (studies.critical.records), where each trial is kept for a later call
 
     Returns
     -------
@@ -91,8 +93,7 @@ def critical_safe(pair: GearPair, te: TransmissionError, *, parameter: str = "br
         pair, te, parameter, starts, StartGrid(), numerics, progress)
     further = arguments.whole("further", further)
     if resolution is None:
-        steps = np.abs(np.diff(values))
-        resolution = float(steps.min()) / 5 if steps.size else 0.0
+        resolution = float(np.abs(np.diff(values)).min()) / 5 if values.size > 1 else 0.0
     # Finer than this, values could no longer be told from each other.
     finest = 4 * float(np.spacing(np.abs(values).max())) if values.size > 1 else 0.0
     resolution = arguments.real("resolution", resolution, low=finest)
@@ -101,7 +102,7 @@ def critical_safe(pair: GearPair, te: TransmissionError, *, parameter: str = "br
         return oscillator_at(pair, te, parameter, value, operation)
 
     search = SafeSearch(at, starts, phase, settle, record, resolution, numerics,
-                        checked_threads(threads), progress)
+                        checked_threads(threads), progress, records)
     rattling, clean = search.run(values, further)
     outcome = "safe_throughout" if math.isnan(rattling) else \
         "unsafe_throughout" if math.isnan(clean) else "found"

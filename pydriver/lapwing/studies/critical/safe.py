@@ -16,6 +16,7 @@ from lapwing.studies.critical.starts import StartGrid, fitted, follow, start_gri
 if TYPE_CHECKING:
     from lapwing.engine.numerics import Numerics
     from lapwing.model.oscillator import Oscillator
+    from lapwing.studies.critical.records import Records
 
 # Of the motions that rattle at one value so many, evenly picked, are carried to the next.
 CARRIED = 24
@@ -45,6 +46,7 @@ class SafeSearch:
     settle, record : int, mesh cycles
     resolution : float, half of the widest bracket allowed
     numerics, threads, progress : as for `follow`
+    records : Records or None, where each trial is kept
     trials : list of Trial, in the order made
     """
 
@@ -57,6 +59,7 @@ class SafeSearch:
     numerics: Numerics
     threads: int
     progress: Callable[[float], None] | None = None
+    records: Records | None = None
     trials: list[Trial] = field(default_factory=list)
 
     def run(self, values: NDArray[Any], further: int) -> tuple[float, float]:
@@ -138,8 +141,10 @@ class SafeSearch:
         starts = [fitted(osc, carried[i]) for i in np.unique(pick)]
         if not only:
             starts = start_grid(osc, self.grid, self.phase) + starts
-        fates = follow([osc] * len(starts), starts, times * self.settle, self.record,
-                       numerics=self.numerics, threads=self.threads)
+        cycles = times * self.settle, self.record
+        common: Any = {"numerics": self.numerics, "threads": self.threads}
+        fates = follow([osc] * len(starts), starts, *cycles, **common) \
+            if self.records is None else self.records.follow(osc, starts, *cycles, **common)
         self.trials.append(Trial(value, stage, len(starts), int(fates.rattles.sum()),
                                  int(fates.failed.sum())))
         states = [fates.final[i] for i in np.flatnonzero(fates.rattles)]

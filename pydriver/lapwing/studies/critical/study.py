@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from concurrent.futures import Executor
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from lapwing.engine import Numerics
 from lapwing.studies import cost
 from lapwing.studies.critical import force, measured, run
+from lapwing.studies.critical.records import Records
 from lapwing.studies.critical.starts import StartGrid, follow, start_grid
 from lapwing.studies.labels import own_operation
 from lapwing.studies.sweep.varied import oscillator_at
@@ -17,6 +22,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from lapwing.deck.deck import Asked, Deck
+
+# Mesh cycles of a trial, its motions together, beyond which it is kept: some third of a second.
+TRIAL_CYCLES = 100_000
 
 
 def extent(_: Asked) -> tuple[int, str]:
@@ -30,16 +38,28 @@ def failed(dataset: xr.Dataset) -> str:
     return f"critical {{}} ({runs} motions)" * bool(runs)
 
 
+def keeps_shards(study: Asked) -> bool:
+    """Whether its trials take so long that each is kept in a folder while others are under way."""
+    if study.find != "safe":
+        return False
+    motions = 1 + 2 * int(np.prod(study.starts))
+    return bool(motions * (study.settle_cycles + study.record_cycles) > TRIAL_CYCLES)
+
+
 def carry_out(deck: Deck, study: Asked, order: int, threads: int,
-              done: Callable[..., Any]) -> xr.Dataset:
+              done: Callable[..., Any], folder: Path | None = None,
+              notes: Callable[[str], None] | None = None,
+              executor: Executor | None = None) -> xr.Dataset:
     """One critical value of a deck, told as done at its end; see `registry`."""
-    found = critical_study(deck, study, threads, done)
+    records = None if folder is None else Records(folder, notes)
+    found = critical_study(deck, study, threads, done, records)
     done(1.0)
     return found
 
 
 def critical_study(deck: Deck, study: Asked, threads: int,
-                   done: Callable[..., Any] | None = None) -> xr.Dataset:
+                   done: Callable[..., Any] | None = None,
+                   records: Records | None = None) -> xr.Dataset:
     """One critical value of a deck.
 
     Parameters
@@ -48,6 +68,7 @@ def critical_study(deck: Deck, study: Asked, threads: int,
     study : lapwing.deck.Asked
     threads : int
     done : callable(fraction) or None
+    records : Records or None, where trials are kept
 
     Returns
     -------
@@ -62,7 +83,8 @@ def critical_study(deck: Deck, study: Asked, threads: int,
                     "numerics": Numerics(**deck.numerics_of(study)), "threads": threads,
                     "progress": done and measured.first_of(deck, study, done)}
     if study.find == "safe":
-        options |= {"resolution": study.resolution, "further": study.further_values}
+        options |= {"resolution": study.resolution, "further": study.further_values,
+                    "records": records}
     elif study.find == "back":
         options["confidence"] = study.confidence
     find: Callable[..., Any] = {"full": force.critical_full, "safe": run.critical_safe,
