@@ -23,6 +23,8 @@ MADE = {
     "Oscillator": lambda: scene_a(3.3),
     "Run": lambda: lapwing.simulate(scene_a(3.3), cycles=30),
     "Orbit": _orbit,
+    "Multipliers": lambda: _orbit().multipliers,
+    "Exponents": lambda: lapwing.exponents(scene_a(3.3), settle=10, record=20),
     "critical value": lambda: lapwing.critical_full(PAIR, SHIPPED, pinion_speed_rpm=240),
 }
 
@@ -71,6 +73,17 @@ def test_the_numbers_shown_are_those_of_the_object():
     assert f"{orbit.state[1]:.6g} rad" in orbit._repr_html_()
     run = lapwing.simulate(scene_a(3.3), cycles=30)
     assert f"events: {len(run.events.tau)}" in repr(run)
+
+
+def test_a_critical_value_is_written_as_its_number():
+    found = lapwing.critical_full(PAIR, SHIPPED, pinion_speed_rpm=240)
+    assert f"{found:.3f}" == f"{found.value:.3f}" and f"{found}" == repr(found)
+
+
+def test_what_is_not_known_of_an_exponent_is_said():
+    known = lapwing.exponents(scene_a(1.8), settle=10, record=400)
+    assert "±" in repr(known) and "320 mesh cycles" in repr(known)
+    assert "of unknown error" in repr(lapwing.exponents(scene_a(3.3), settle=0, record=2))
 
 
 def test_what_is_shown_is_no_markup_of_its_own():

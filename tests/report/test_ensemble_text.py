@@ -115,3 +115,12 @@ def test_a_figure_has_bars_longest_on_top(pairs):
     (np.nan, "not known"), (0.0, "0 %")])
 def test_nearly_all_is_not_all(value, words):
     assert percent(value) == words
+
+
+def test_what_differs_by_rounding_is_told_in_words():
+    data = drawn(5.0)
+    rounded = 11.9 * (1 + 4e-16 * np.arange(data.sizes["run"]))
+    figure = distributions.draw(data.assign(
+        full_engagement=("run", rounded), deepest_separation=("run", rounded / 1e4)))
+    texts = [text.get_text() for axis in figure.axes for text in axis.texts]
+    assert any("11.9 N·m in all" in text for text in texts)

@@ -78,6 +78,20 @@ def facts_html(title: str, facts: Mapping[str, object]) -> str:
     return f"<b>{html.escape(title)}</b><table>{rows}</table>"
 
 
+class Shown:
+    """What shows itself by `_facts`: in a line of a console, in a table of a notebook."""
+
+    def _facts(self) -> dict[str, object]:
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        facts = ", ".join(f"{name}: {fact}" for name, fact in self._facts().items())
+        return f"<{type(self).__name__} {facts}>"
+
+    def _repr_html_(self) -> str:
+        return facts_html(type(self).__name__, self._facts())
+
+
 def printable(text: str) -> str:
     """A file name as text: what is no UTF-8 in it is written as an escape."""
     return text.encode("utf-8", "backslashreplace").decode()

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from lapwing.base import arguments
-from lapwing.base.messages import facts_html
+from lapwing.base.messages import Shown
 from lapwing.base.registry import STUDIES, give_accessor
 from lapwing.base.signals import held
 from lapwing.model.oscillator import TE_SIGNS
@@ -172,7 +172,7 @@ def _claimed(sweep: xr.Dataset, claims: list[dict[str, Any]]) -> xr.Dataset:
 
 
 @dataclass(repr=False)
-class Results:
+class Results(Shown):
     """A result file, open for reading; groups are read when they are asked for.
 
     Attributes
@@ -193,12 +193,6 @@ class Results:
     studies: dict[str, tuple[str, ...]]
     verified: bool = False
     _open: dict[str, xr.Dataset] = field(default_factory=dict, repr=False)
-
-    def __repr__(self) -> str:
-        return f"<Results {', '.join(f'{name}: {fact}' for name, fact in self._facts().items())}>"
-
-    def _repr_html_(self) -> str:
-        return facts_html("Results", self._facts())
 
     def _facts(self) -> dict[str, object]:
         """Where they are and what is in them, in words."""

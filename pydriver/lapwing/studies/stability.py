@@ -10,12 +10,13 @@ flank none (rank 0).  What is lost has exponent -∞ and multiplier 0; no other 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lapwing.base.messages import Shown
 from lapwing.studies.intervals import mean_interval
 
 if TYPE_CHECKING:
@@ -79,8 +80,8 @@ class CycleMaps:
         return CycleMaps(**some, period=self.period)
 
 
-@dataclass(frozen=True)
-class Multipliers:
+@dataclass(frozen=True, repr=False)
+class Multipliers(Shown):
     """Floquet multipliers of a motion that repeats.
 
     Attributes
@@ -108,9 +109,15 @@ class Multipliers:
         """Whether both magnitudes are below one."""
         return bool(np.all(np.abs(self.values) < 1))
 
+    def _facts(self) -> dict[str, object]:
+        return {"values": ", ".join(f"{one:.6g}" for one in self.values),
+                "exponents": ", ".join(f"{one:.6g}" for one in self.exponents) + " per tau",
+                "stable": "not known" if self.warning else self.stable, "rank": self.rank,
+                "mesh cycles": self.cycles, **({"warning": self.warning} if self.warning else {})}
 
-@dataclass(frozen=True)
-class Exponents:
+
+@dataclass(frozen=True, repr=False)
+class Exponents(Shown):
     """Lyapunov exponents of one motion, per τ.
 
     Attributes
@@ -132,7 +139,7 @@ class Exponents:
     largest: float
     second: float
     error: float
-    running: np.ndarray = field(repr=False)
+    running: np.ndarray
     rank: int
     grazes: int
     period: float
@@ -143,6 +150,13 @@ class Exponents:
     def per_cycle(self) -> tuple[float, float]:
         """The largest exponent and its error per mesh cycle."""
         return self.largest * self.period, self.error * self.period
+
+    def _facts(self) -> dict[str, object]:
+        error = "of unknown error" if math.isnan(self.error) else f"± {self.error:.2g}"
+        return {"largest": f"{self.largest:.6g} {error} per tau",
+                "second": f"{self.second:.6g} per tau", "rank": self.rank,
+                "grazing cycles": self.grazes, "averaged over": f"{len(self.running)} mesh cycles",
+                **({"warning": self.warning} if self.warning else {})}
 
 
 def multiplied(maps: CycleMaps) -> tuple[NDArray[Any], float, float, float, int]:

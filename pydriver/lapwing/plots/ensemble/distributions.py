@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_BINS = 60
+# Numbers that differ by less, in parts of them, are one but for rounding.
+ROUNDING = 1e-12
 # Quantiles that are marked, and how.
 MARKED = {0.01: ("1 %", style.BLUE), 0.5: ("median", style.BLACK), 0.99: ("99 %", style.VERMILION)}
 
@@ -47,7 +49,7 @@ def draw(data: xr.Dataset, gear_pair: dict[str, float] | None = None, *,
     matplotlib.figure.Figure
     """
     known = [one for one in answers(data) if np.isfinite(data[one.name].values).any()]
-    shown = [one for one in known if np.ptp(_other_than_0(data, one)) > 0]
+    shown = [one for one in known if _differ(_other_than_0(data, one))]
     alike = [one for one in known if one not in shown]
     panels = grid.panels(len(shown) + bool(alike), 2.4)
     for axis, answer in zip(panels.axes, shown, strict=False):
@@ -72,6 +74,11 @@ def _other_than_0(data: xr.Dataset, answer: Answer) -> NDArray[Any]:
     return values[values != 0] if values.any() else values[:1]
 
 
+def _differ(values: NDArray[Any]) -> bool:
+    """Whether values differ by more than the rounding of one number."""
+    return bool(np.ptp(values) > ROUNDING * np.abs(values).max())
+
+
 def _share(data: xr.Dataset) -> str:
     """How many rattle, in words, for the heading."""
     one = data.sel(event="rattles")
@@ -89,7 +96,7 @@ def _in_words(axis: Axes, data: xr.Dataset, alike: list[Answer]) -> None:
     for answer in alike:
         values, some = _known(data, answer), _other_than_0(data, answer)
         number = f"{some[0]:.4g} {answer.unit}".rstrip()
-        count = int(np.sum(values == some[0]))
+        count = int(np.isclose(values, some[0], rtol=ROUNDING, atol=0).sum())
         words = f"{number} in all" if count == values.size else \
             f"{number} in {count} of {values.size}, 0 in the others"
         lines.append("; ".join([f"{answer.words}: {words}", *_lost(data, values)]))

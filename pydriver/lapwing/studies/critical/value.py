@@ -67,6 +67,9 @@ class CriticalValue:
     def __float__(self) -> float:
         return self.value
 
+    def __format__(self, form: str) -> str:
+        return format(self.value, form) if form else str(self)
+
     @property
     def why(self) -> str:
         """Why there is no value, or none with an interval, in words; empty where it was found."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from lapwing.base import arguments
 from lapwing.base.arguments import MAX_INT
 from lapwing.base.codes import MotionState, Status
-from lapwing.base.messages import facts_html
+from lapwing.base.messages import Shown
 from lapwing.engine import REST, Numerics, TrajectoryCall, Wanted, columns
 from lapwing.model.oscillator import Oscillator
 from lapwing.studies.stability import CycleMaps, Multipliers, multiplied, multipliers
@@ -44,7 +44,7 @@ class NoOrbit(RuntimeError):
 
 
 @dataclass(frozen=True, repr=False)
-class Orbit:
+class Orbit(Shown):
     """A motion that repeats.
 
     Attributes
@@ -69,18 +69,13 @@ class Orbit:
     table: np.ndarray
     maps: CycleMaps
 
-    def __repr__(self) -> str:
-        return f"<Orbit {', '.join(f'{name}: {fact}' for name, fact in self._facts().items())}>"
-
-    def _repr_html_(self) -> str:
-        return facts_html("Orbit", self._facts())
-
     def _facts(self) -> dict[str, object]:
         """What tells one from another, in words."""
         motion_state, phi, phi_dot = self.state
         impacts = sum(float(self.table[name].sum()) for name in ("impacts", "back_impacts"))
         return {"mesh cycles": self.cycles, "state": motion_state.name.lower(),
-                "phi": f"{phi:.6g} rad", "phi_dot": f"{phi_dot:.6g} rad", "impacts": f"{impacts:g}",
+                "phi": f"{phi:.6g} rad", "phi_dot": f"{phi_dot:.6g} rad per tau",
+                "impacts": f"{impacts:g}",
                 "multipliers": ", ".join(f"{one:.4g}" for one in self.multipliers.values),
                 "stable": self.multipliers.stable, "misses itself by": f"{self.residual:.1e}"}
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lapwing import engine
 from lapwing.base import arguments
 from lapwing.base.codes import MotionState, Status
-from lapwing.base.messages import facts_html
+from lapwing.base.messages import Shown
 from lapwing.base.quantities import worded
 from lapwing.engine import TrajectoryCall, Wanted
 from lapwing.engine.records import CYCLE, CYCLE_REALS, EVENT, MEAN
@@ -55,7 +55,7 @@ class HybridState:
 
 
 @dataclass(repr=False)
-class Run:
+class Run(Shown):
     """Result of `simulate`.
 
     Attributes
@@ -120,12 +120,6 @@ class Run:
     def cycles(self) -> Any:
         """Statistics of each cycle, also of one in which the run began or ended."""
         return _cycle_dataset(self._call, self._first_seen).assign_attrs(self.attrs)
-
-    def __repr__(self) -> str:
-        return f"<Run {', '.join(f'{name}: {fact}' for name, fact in self._facts().items())}>"
-
-    def _repr_html_(self) -> str:
-        return facts_html("Run", self._facts())
 
     def _facts(self) -> dict[str, object]:
         """What tells one from another, in words."""
