@@ -111,7 +111,7 @@ def of_branches(diagram):
     low, high = (diagram[f"range_{end}"].values for end in ("low", "high"))
     merged = []
     for k in np.argsort(low):
-        if merged and low[k] <= merged[-1][1] + 1e-9:
+        if merged and low[k] <= merged[-1][1] + 1e-5:  # the digits that are told
             merged[-1][1] = max(merged[-1][1], high[k])
         else:
             merged.append([low[k], high[k]])

@@ -352,7 +352,7 @@ def _bound(critical: xr.Dataset) -> str:
         return (f"**At {plural(blind, 'value')} of this range every motion failed; nothing is "
                 "known there.** ")
     least = int(examined.min())
-    return ("At each of these fewer than one burst of back impacts begins in "
+    return ("At each of these a burst of back impacts begins, if at all, less often than once in "
             f"{1 / attrs['rate_bound']:,.0f} mesh cycles, with {percent} confidence (one-sided; "
             f"exact Poisson limit for none seen in {least:,} cycles, bursts taken as "
             "independent). ")

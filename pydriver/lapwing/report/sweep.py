@@ -13,7 +13,15 @@ from lapwing.report.amplitudes import amplitude_lines
 from lapwing.report.hysteresis import hysteresis
 from lapwing.report.measured import torque_words
 from lapwing.report.stability import sweep_stability
-from lapwing.report.words import markdown, method_words, parameter_unit, parameter_words, plural
+from lapwing.report.words import (
+    markdown,
+    method_words,
+    parameter_unit,
+    parameter_words,
+    plural,
+    sections,
+    with_result,
+)
 from lapwing.results.findings import (
     START_NAMES,
     endings,
@@ -35,16 +43,12 @@ TABLE_LINES = 12
 
 def section(sweeps: list[xr.Dataset], results: Results) -> list[str]:
     """The summary's part on sweeps; see `registry`."""
-    return [line for one in sweeps
-            for line in ("", f"## Sweep {one.attrs['name']}", "", *sweep_text(one))]
+    return sections("Sweep", sweeps, sweep_text)
 
 
 def headline(sweep: xr.Dataset) -> str:
     """Points that have a result, and why others have none."""
-    done, open_, failed = endings(sweep)
-    along = parameter_words(sweep["status"].dims[1])
-    return (f"{done} of {sweep['status'].size} points have a result, along the {along}"
-            + f"; {open_} not reached" * bool(open_) + f"; {failed} failed" * bool(failed))
+    return with_result(sweep, "points", "along the " + parameter_words(sweep["status"].dims[1]))
 
 
 def sweep_text(sweep: xr.Dataset) -> list[str]:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
-from typing import Any
+from collections.abc import Callable, Hashable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lapwing.base.quantities import parameter
+from lapwing.results.findings import endings
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Runs of values told one by one; of more the outermost.
 MOST = 4
@@ -59,3 +63,17 @@ def listed(found: Sequence[tuple[int, int]], values: NDArray[Any], most: int = M
 def bands(values: NDArray[Any], flags: NDArray[Any]) -> str:
     """Runs of values at which something holds, in words."""
     return listed(runs_of(flags), values)
+
+
+def sections(kind: str, datasets: Sequence[xr.Dataset],
+             text: Callable[[xr.Dataset], list[str]]) -> list[str]:
+    """The summary's part on studies of a kind, a heading and a text for each."""
+    return [line for one in datasets
+            for line in ("", f"## {kind} {one.attrs['name']}", "", *text(one))]
+
+
+def with_result(data: xr.Dataset, each: str, where: str) -> str:
+    """How many runs or points have a result, of what, and why others have none."""
+    done, open_, failed = endings(data)
+    return (f"{done} of {data['status'].size} {each} have a result, {where}"
+            + f"; {open_} not reached" * bool(open_) + f"; {failed} failed" * bool(failed))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lapwing.base.codes import Status
-from lapwing.report.words import markdown, parameter_words, plural
+from lapwing.report.words import markdown, parameter_words, plural, sections, with_result
 from lapwing.results.findings import answers, endings, events_of, influenced, parameters_of
 
 if TYPE_CHECKING:
@@ -23,15 +23,12 @@ SAMPLINGS = {"sobol": "scrambled Sobol draws", "latin_hypercube": "draws of Lati
 
 def section(ensembles: list[xr.Dataset], results: Results) -> list[str]:
     """The summary's part on ensembles; see `registry`."""
-    return [line for one in ensembles
-            for line in ("", f"## Ensemble {one.attrs['name']}", "", *ensemble_text(one))]
+    return sections("Ensemble", ensembles, ensemble_text)
 
 
 def headline(data: xr.Dataset) -> str:
     """Runs that have a result, and why others have none."""
-    done, open_, failed = endings(data)
-    return (f"{done} of {data['status'].size} runs have a result, {_drawn(data)}"
-            + f"; {open_} not reached" * bool(open_) + f"; {failed} failed" * bool(failed))
+    return with_result(data, "runs", _drawn(data))
 
 
 def _drawn(data: xr.Dataset) -> str:
@@ -134,8 +131,10 @@ def _influences(data: xr.Dataset) -> list[str]:
         rows += [(parameter_words(name), *(
             rank_words(data.sel(answer=answer, parameter=name)) for answer in known))
             for name in names]
-        lines = [*markdown(rows), "", "In brackets 95 % limits, by a jackknife over scrambles or "
-                 "groups of draws; none where a run is lost or too few differ."]
+        lines = markdown(rows)
+        if np.isfinite(data.get("rank_correlation_low", math.nan)).any():
+            lines += ["", "In brackets 95 % limits, by a jackknife over scrambles or groups of "
+                      "draws; none where a run is lost or too few differ."]
     if int(data.attrs["sensitivity_runs"]):
         lines += ["", *_effects(data, names, moved)]
     return lines

@@ -11,7 +11,14 @@ from lapwing.base.arrivals import arrivals_in
 from lapwing.base.codes import Status
 from lapwing.base.quantities import SHARES
 from lapwing.report.map.findings import choices, full_along, last_seen, span_words
-from lapwing.report.words import markdown, parameter_unit, parameter_words, plural
+from lapwing.report.words import (
+    markdown,
+    parameter_unit,
+    parameter_words,
+    plural,
+    sections,
+    with_result,
+)
 from lapwing.results.findings import (
     START_NAMES,
     endings,
@@ -31,16 +38,13 @@ TABLE_LINES = 12
 
 def section(maps: list[xr.Dataset], results: Results) -> list[str]:
     """The summary's part on maps; see `registry`."""
-    return [line for one in maps
-            for line in ("", f"## Map {one.attrs['name']}", "", *map_text(one))]
+    return sections("Map", maps, map_text)
 
 
 def headline(data: xr.Dataset) -> str:
     """Runs that have a result, and why others have none."""
-    done, open_, failed = endings(data)
     x, y = (parameter_words(str(data.attrs[f"{side}_parameter"])) for side in "xy")
-    return (f"{done} of {data['status'].size} runs have a result, over {x} and {y}"
-            + f"; {open_} not reached" * bool(open_) + f"; {failed} failed" * bool(failed))
+    return with_result(data, "runs", f"over {x} and {y}")
 
 
 def map_text(data: xr.Dataset) -> list[str]:
