@@ -212,7 +212,8 @@ CASES = {
     "branches": (lw.branches, {
         "pair": PAIR, "te": TE, "parameter": "brake_torque", "low": 12.4, "high": 12.6, "seeds": 2,
         "starts": GRID, "random_starts": 1, "random_seed": 0, "highest_period": 2, "threads": 1,
-        "settle": 1, "doublings": 0, "points": 2, "progress": None, "pinion_speed_rpm": 300}),
+        "settle": 1, "doublings": 0, "points": 2, "unstable": 1, "progress": None,
+        "pinion_speed_rpm": 300}),
     "settled_state": (lw.settled_state, {"osc": OSC, "cycles": 2, "start": "rest"}),
     "load_deck": (lw.load_deck, {"path": DECK, "overrides": [("operation.brake_torque", "2")]}),
     "run_deck": (lw.run_deck, {"deck": lw.load_deck(DECK), "parent": FOLDER / "r", "threads": 1,

@@ -111,6 +111,7 @@ class SpecialPoint(IntEnum):
     KNOT: an event passes a place where the curvature alone jumps; this is no bifurcation.
     LIMIT: the end of the range asked for. CLOSED: the branch comes back to where it began.
     POINTS: as many points as were asked for. UNRESOLVED: what ends it was not found out.
+    ENGAGED: the last separation vanishes; from here on the motion is the engaged one.
     APERIODIC: motions without a period rattle on one side and come to rest on the other; this is no
     point of a branch, but a bracket.
     """
@@ -131,6 +132,7 @@ class SpecialPoint(IntEnum):
     POINTS = 13
     UNRESOLVED = 14
     APERIODIC = 15
+    ENGAGED = 16
 
 
 class BranchOutcome(IntEnum):

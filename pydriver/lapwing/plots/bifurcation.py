@@ -21,7 +21,8 @@ COLOURS = (style.BLACK, style.VERMILION, style.BLUE, style.GREEN, style.PURPLE, 
            style.SKY)
 # Marker of each kind that is drawn, by the name in the flags; others are ends or no bifurcation.
 MARKERS = {"fold": "^", "period_doubling": "o", "torus": "s", "branch_point": "P", "grazing": "D",
-           "release": "v", "rebound": "X", "chatter": "*", "kink": "d", "unresolved": "x"}
+           "release": "v", "rebound": "X", "chatter": "*", "kink": "d",
+           "engaged": "p", "unresolved": "x"}
 # Rows of the table of special points under the panels, and branches that have their number beside
 # them: those that are stable over the widest ranges.
 MOST_ROWS, NUMBERED = 30, 12

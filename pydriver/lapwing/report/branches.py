@@ -27,6 +27,7 @@ EVENTS = {
     SpecialPoint.CHATTER: "a chatter that is no longer complete",
     SpecialPoint.KINK: "an impact upon a kink of the transmission error",
     SpecialPoint.KNOT: "an event upon a jump of the curvature",
+    SpecialPoint.ENGAGED: "the last separation vanishes: contact is kept",
     SpecialPoint.APERIODIC: "the end of a motion without a period, a bracket",
     SpecialPoint.LIMIT: "the end of the values looked at, not of the rattling",
     SpecialPoint.POINTS: "the end of the points asked for, not of the rattling",

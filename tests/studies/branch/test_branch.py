@@ -10,7 +10,14 @@ import numpy as np
 import pytest
 
 from helpers import PAIR, ball, ball_start, oscillator, scene_a, scene_c, scene_d
-from lapwing import MotionState, NoOrbit, TransmissionError, find_orbit, simulate
+from lapwing import (
+    MotionState,
+    NoOrbit,
+    TransmissionError,
+    critical_torque,
+    find_orbit,
+    simulate,
+)
 from lapwing.studies.branch import Kind, Outcome, branch
 
 
@@ -244,3 +251,39 @@ def test_state_and_value_of_a_branch():
     assert below.value == pytest.approx(0.95, rel=1e-15)
     assert found.state(below)[0] is MotionState.SEPARATION
     assert found.state(below)[1:] == pytest.approx(ball_start(0.95, 0.7)[1:], abs=1e-12)
+
+
+@pytest.mark.parametrize("contact_law", ["compliant", "restitution"])
+def test_the_last_separation_vanishes_at_the_torque_of_complete_engagement(contact_law):
+    """With bounces the motion outlives it: a fold, and back to where the engaged one begins."""
+    full = critical_torque(scene_a(1.0))[0]
+
+    def make(torque):
+        return scene_a(torque, "relative", contact_law=contact_law)
+
+    orbit = find_orbit(make(full - 0.005), settle=400)
+    found = branch(orbit, "brake_torque", low=full - 0.03, high=full + 0.03)
+    *others, end = found.specials
+    if end.kind is not Kind.ENGAGED:
+        end, *others = found.specials
+    assert (end.kind, end.outcome) == (Kind.ENGAGED, Outcome.ENDS)
+    assert end.value == pytest.approx(full, rel=1e-11)
+    assert abs(end.value - full) <= end.error < 1e-10
+    folds = [one for one in others if one.kind is Kind.FOLD]
+    assert len(folds) == (contact_law == "restitution")
+    for fold in folds:
+        # Twenty bounces and more at every point, some less the nearer the end.
+        assert 5e-6 < fold.value - full < 2e-5
+        assert all(point.rank == 1 for point in found.points)
+        above = found.at(0.5 * (fold.value + full))
+        assert [point.stable for point in above].count(True) == 1 and len(above) == 2
+
+
+def test_where_the_map_jumps_it_does_not_end_there():
+    """`absolute`: the last arrival still throws the tooth, and no engaged motion is near."""
+    full = critical_torque(scene_a(1.0))[0]
+    found = branch(find_orbit(scene_a(full - 0.01), settle=400), "brake_torque", low=full - 0.05,
+                   high=full + 0.05)
+    assert not found.of_kind(Kind.ENGAGED)
+    last = max(found.specials, key=lambda one: one.value)
+    assert last.outcome is Outcome.ENDS and 1e-4 < full - last.value < 1e-3

@@ -45,6 +45,9 @@ class BranchesKeys(ValueKeys, StudyKeys):
     doublings: int = key(2, "how many times over the branch that leaves at a period doubling is "
                          "followed", ge=0, le=10)
     most_points: int = key(2000, "points of a branch either way, at most", ge=10, le=1_000_000)
+    unstable_points: int = key(200, "points in a row that are not stable, at most: through such "
+                               "motions a branch may come to further stable ones",
+                               ge=1, le=1_000_000)
     rtol: float | None = key(None, "relative tolerance with which motions are looked for; left "
                              "out: that of &numerics, else 1e-8; branches have none",
                              example=1e-8, ge=1e-13, le=1e-2)

@@ -39,12 +39,14 @@ class Request:
     ----------
     search : Search, whose values' ends are the range
     doublings : int, how many times over branches of twice the period are followed
-    points : int, the most points of a branch either way
+    points, unstable : int, the most points of a branch either way, and of them in a row that are
+        not stable
     """
 
     search: Search
     doublings: int
     points: int
+    unstable: int
 
     @property
     def range(self) -> tuple[float, float]:
@@ -73,8 +75,8 @@ def branches(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_t
              high: float, seeds: int = 41, starts: StartGrid | None = None,
              random_starts: int = 0, random_seed: int = 0, settle: int = 400,
              highest_period: int = MOST_CYCLES, doublings: int = 2, points: int = 2000,
-             threads: int | None = None, progress: Callable[[float], None] | None = None,
-             **operation: Any) -> xr.Dataset:
+             unstable: int = 200, threads: int | None = None,
+             progress: Callable[[float], None] | None = None, **operation: Any) -> xr.Dataset:
     """The branches of the periodic motions that sweeps find, each followed to both of its ends.
 
     1. Motions at `seeds` values from `low` to `high`: from rest, carried both ways, from a grid of
@@ -99,7 +101,7 @@ def branches(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_t
     settle : int, mesh cycles at each value before a motion is looked at
     highest_period : int, mesh cycles, at most 24; longer ones count as without period
     doublings : int, how many times a branch of twice the period is followed
-    points : int, the most points of a branch either way
+    points, unstable : int, the most points of a branch either way, and in a row that are unstable
     threads : int or None; no result depends on it
     progress : callable(fraction done) or None
     **operation : the other arguments of `GearPair.oscillator`
@@ -142,7 +144,7 @@ def branches(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_t
     request = _checked(pair, te, parameter, low, high, starts, progress, {
         "seeds": (seeds, 2), "random_starts": (random_starts, 0), "random_seed": (random_seed, 0),
         "settle": (settle, 1), "highest_period": (highest_period, 1), "doublings": (doublings, 0),
-        "points": (points, 1)}, checked_threads(threads), operation)
+        "points": (points, 1), "unstable": (unstable, 1)}, checked_threads(threads), operation)
     return table(request, followed(request, progress))
 
 
@@ -170,7 +172,7 @@ def followed(request: Request, progress: Callable[[float], None] | None = None) 
         for _ in range(request.doublings):
             for one, special in known.doublings(search.highest):
                 try:
-                    known.add(one.switched(special, request.points))
+                    known.add(one.switched(special, request.points, request.unstable))
                 except (NoOrbit, ArithmeticError):
                     continue
         found.motions += _beyond_ends(search, known, found.motions)
@@ -225,7 +227,7 @@ def _placed(request: Request, known: Collection, motion: Motion) -> Match | None
         match = _on(known, exact)
         if match is None:
             known.add(branch(orbit, search.oscillator, value=motion.value, low=low, high=high,
-                             points=request.points))
+                             points=request.points, unstable=request.unstable))
             match = _on(known, exact)
     except NoOrbit:
         return None
@@ -256,4 +258,4 @@ def _checked(pair: Any, te: Any, parameter: Any, low: Any, high: Any, starts: An
         pair, te, parameter, np.linspace(ends[0], ends[1], numbers["seeds"]), operation, starts,
         numbers["random_starts"], numbers["random_seed"], numbers["settle"],
         numbers["highest_period"], threads=threads)
-    return Request(search, numbers["doublings"], numbers["points"])
+    return Request(search, numbers["doublings"], numbers["points"], numbers["unstable"])

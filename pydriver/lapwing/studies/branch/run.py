@@ -15,13 +15,14 @@ from lapwing.base import arguments
 from lapwing.base.codes import MotionState, Status
 from lapwing.engine import TrajectoryCall, Wanted
 from lapwing.model.oscillator import Oscillator
-from lapwing.studies.branch.beyond import beyond
 from lapwing.studies.branch.motion.curve import NotCorrected, Place, Problem, at_value, flipped
 from lapwing.studies.branch.motion.flank_motion import Motions
 from lapwing.studies.branch.motion.layout import of_log
 from lapwing.studies.branch.motion.witness import NUMERICS, states_at
 from lapwing.studies.branch.special import Kind, Outcome, Point, Special
-from lapwing.studies.branch.trace import Follower, Path, follow
+from lapwing.studies.branch.trace.beyond import beyond
+from lapwing.studies.branch.trace.follower import Follower
+from lapwing.studies.branch.trace.path import Path, follow
 from lapwing.studies.orbit import NoOrbit, Orbit, find_orbit
 
 NUMBERS = ("force", "mesh_frequency_ratio", "damping_ratio", "restitution", "backlash",
@@ -113,8 +114,14 @@ class Branch:
         found = (self.near(number, value) for number, _ in self.passes(value))
         return tuple(one for one in found if one is not None)
 
-    def switched(self, special: Special, points: int = 2000) -> Branch:
+    def switched(self, special: Special, points: int = 2000,
+                 unstable: int | None = None) -> Branch:
         """The branch of twice the period that leaves this one at a period doubling.
+
+        Parameters
+        ----------
+        special : Special, of this branch
+        points, unstable : int, as of `branch`
 
         Raises
         ------
@@ -132,7 +139,8 @@ class Branch:
         along = np.concatenate([flip, -flip, [0.0]])
         along /= math.sqrt(float(problem.weights(layout) @ along**2))
         self.follower.births.clear()
-        path = follow(self.follower, Place(layout, z, along), points, beyond, critical=True)
+        path = follow(self.follower, Place(layout, z, along), points, beyond, critical=True,
+                      unstable=unstable)
         begun = replace(special, outcome=Outcome.ENDS, words="leaves the branch of half its period",
                         place=Place(layout, z, along))
         return _joined(self.follower, path, begun)
@@ -144,7 +152,8 @@ class Branch:
 
 @arguments.complete()
 def branch(orbit: Orbit, parameter: str | Callable[[float], Oscillator], *, low: float,
-           high: float, value: float | None = None, points: int = 2000) -> Branch:
+           high: float, value: float | None = None, points: int = 2000,
+           unstable: int | None = None) -> Branch:
     """Follow a periodic motion both ways in a parameter, stable or not, through its folds.
 
     Parameters
@@ -155,6 +164,7 @@ def branch(orbit: Orbit, parameter: str | Callable[[float], Oscillator], *, low:
     low, high : float, range of the parameter
     value : float, of the parameter at the orbit; with a callable only
     points : int, the most points either way
+    unstable : int or None, the most points in a row that are not stable
 
     Returns
     -------
@@ -170,6 +180,8 @@ def branch(orbit: Orbit, parameter: str | Callable[[float], Oscillator], *, low:
     arguments.instance("orbit", orbit, Orbit)
     low, high = arguments.real("low", low), arguments.real("high", high)
     points = arguments.whole("points", points, 1, 1_000_000)
+    if unstable is not None:
+        unstable = arguments.whole("unstable", unstable, 1, 1_000_000)
     if not low < high:
         raise ValueError(f"low = {low:g} must be below high = {high:g}")
     make, value = _varied(orbit.oscillator, parameter, value)
@@ -178,7 +190,8 @@ def branch(orbit: Orbit, parameter: str | Callable[[float], Oscillator], *, low:
     problem = Problem(make, Motions(), make(value).angle_scale, high - low)
     osc = make(value)
     gap = osc.gap_width if math.isfinite(osc.gap_width) else osc.backlash
-    return both_ways(Follower(problem, low, high, gap), *begun(problem, orbit, value), points)
+    return both_ways(Follower(problem, low, high, gap), *begun(problem, orbit, value), points,
+                     unstable)
 
 
 def begun(problem: Problem, orbit: Orbit, value: float) -> tuple[Any, NDArray[Any]]:
@@ -199,17 +212,16 @@ def begun(problem: Problem, orbit: Orbit, value: float) -> tuple[Any, NDArray[An
 
 
 def both_ways(follower: Follower, layout: Any, z: NDArray[Any], points: int,
-              along: NDArray[Any] | None = None) -> Branch:
+              unstable: int | None = None) -> Branch:
     """A branch from one of its places."""
-    if along is None:
-        along = np.zeros(len(z))
-        along[-1] = 1.0
+    along = np.zeros(len(z))
+    along[-1] = 1.0
     start = follower.place(layout, z, along)
-    up = follow(follower, start, points, beyond)
+    up = follow(follower, start, points, beyond, unstable=unstable)
     if up.end.kind is Kind.CLOSED:
         return _joined(follower, up, up.end)
     follower.births.clear()
-    down = follow(follower, Place(layout, z, -start.tangent), points, beyond)
+    down = follow(follower, Place(layout, z, -start.tangent), points, beyond, unstable=unstable)
     return _joined(follower, up, down.end, down)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -85,7 +86,15 @@ class Search:
 
     def oscillator(self, value: float) -> Oscillator:
         """The oscillator at a value of the parameter."""
+        if self.parameter == "brake_torque" and self.operation.get("drive_torque") is None:
+            # In balance: the force alone differs.
+            return self._unit.with_force(value * self.pair.force_per_torque)
         return oscillator_at(self.pair, self.te, self.parameter, value, self.operation)
+
+    @cached_property
+    def _unit(self) -> Oscillator:
+        """The oscillator at a value of 1."""
+        return oscillator_at(self.pair, self.te, self.parameter, 1.0, self.operation)
 
 
 def find(search: Search, progress: Callable[[float], None] | None = None) -> list[Motion]:

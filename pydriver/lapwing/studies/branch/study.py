@@ -48,7 +48,7 @@ def carry_out(deck: Deck, study: Asked, order: int, threads: int,
         threads=threads, sweeps=[one for one in found.get("sweep", {}).values()
                                  if one["status"].dims[1] == study.parameter],
         trials=_trials(deck, study, found.get("critical", {}))),
-        study.doublings, study.most_points)
+        study.doublings, study.most_points, study.unstable_points)
     return table(request, followed(request, done)).assign_attrs(own_operation(deck, study))
 
 

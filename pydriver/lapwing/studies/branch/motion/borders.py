@@ -57,7 +57,7 @@ def borders_of(problem: Problem, layout: Layout, z: NDArray[Any]) -> Borders:
 
 def slow(layout: Layout, z: NDArray[Any]) -> NDArray[Any]:
     """Bounces of a chatter that are small already, and its end: array of bool."""
-    last = layout.bounces() & (np.abs(z[1:-1:2]) < SLOW)
+    last = layout.bounces & (np.abs(z[1:-1:2]) < SLOW)
     found: NDArray[Any] = last | (layout.kind == Happening.CHATTER_END)
     return found
 

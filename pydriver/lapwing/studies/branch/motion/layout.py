@@ -104,33 +104,37 @@ class Layout:
         return Layout(np.tile(self.kind, 2), np.tile(self.flank, 2), later, 2 * self.cycles,
                       np.tile(self.arc, 2))
 
+    def columns_without(self, events: NDArray[Any]) -> NDArray[Any]:
+        """Places of the unknowns, the parameter among them, of all events but some."""
+        kept = np.setdiff1d(np.arange(self.n), events)
+        return np.append(np.ravel([[2 * k, 2 * k + 1] for k in kept]), 2 * self.n).astype(int)
+
     def without(self, events: NDArray[Any], rigid: bool) -> Layout:
         """Some events taken out."""
         kept = np.setdiff1d(np.arange(self.n), events)
         return of_parts(self.kind[kept], self.flank[kept], self.piece[kept], self.cycles, rigid)
 
+    @cached_property
     def bounces(self) -> NDArray[Any]:
         """Which events belong to a chatter that ends: array of bool."""
         found = np.zeros(self.n, dtype=bool)
         for end in np.flatnonzero(self.kind == Happening.CHATTER_END):
-            k = end - 1
-            while self.kind[k] == Happening.REBOUND and self.flank[k] == self.flank[end] \
-                    and not found[k]:
-                found[k] = True
-                k -= 1
+            # From the end backwards, once round at most.
+            before = np.arange(end - 1, end - 1 - self.n, -1)
+            other = np.flatnonzero((self.kind[before] != Happening.REBOUND)
+                                   | (self.flank[before] != self.flank[end]))
+            found[before[:other[0] if len(other) else None]] = True
         return found
 
 
 def of_parts(kind: NDArray[Any], flank: NDArray[Any], piece: NDArray[Any], cycles: int,
              rigid: bool) -> Layout:
     """A layout from its events; the arcs follow."""
-    arc = np.full(len(kind), Arc.FLIGHT)
-    for k in range(len(kind)):
-        if kind[k] == Happening.CHATTER_END:
-            arc[k] = Arc.CHATTER
-        elif kind[k] in (Happening.RELEASE, Happening.AT_KINK):
-            arc[k] = Arc.REST if rigid else Arc.CONTACT
-    return Layout(np.asarray(kind), np.asarray(flank), np.asarray(piece), cycles, arc)
+    kind = np.asarray(kind)
+    leaves = (kind == Happening.RELEASE) | (kind == Happening.AT_KINK)
+    arc = np.where(kind == Happening.CHATTER_END, int(Arc.CHATTER),
+                   np.where(leaves, int(Arc.REST if rigid else Arc.CONTACT), int(Arc.FLIGHT)))
+    return Layout(kind, np.asarray(flank), np.asarray(piece), cycles, arc)
 
 
 def of_log(events: NDArray[Any], osc: Oscillator, motion: FlankMotion,

@@ -14,7 +14,7 @@ from lapwing.model.linear_steps import unit_motions
 from lapwing.model.start import put_on_flank, start_problem
 from lapwing.studies.branch.motion.curve import Problem
 from lapwing.studies.branch.motion.equations import at_events
-from lapwing.studies.branch.motion.layout import Arc, Layout, of_log
+from lapwing.studies.branch.motion.layout import Arc, Happening, Layout, of_log
 
 NUMERICS = Numerics(rtol=1e-13, chatter_tol=1e-13, copy_repeats=False)
 # By how much phases may differ: the motion is known far better, grazes magnify what is left of it.
@@ -141,7 +141,8 @@ def agrees(layout: Layout, z: NDArray[Any], found: Seen) -> bool:
     if found.layout is None:
         return False
     phase = z[:-1:2]
-    one, two = _told(layout, phase), _told(found.layout, found.phase)
+    one = _told(layout, phase, unlisted(layout, found.layout))
+    two = _told(found.layout, found.phase, unlisted(found.layout, layout))
     if len(one) != len(two) or not len(one):
         return len(one) == len(two)
     one, two = (rows[np.argsort(np.mod(rows[:, 0], layout.cycles))] for rows in (one, two))
@@ -154,13 +155,42 @@ def agrees(layout: Layout, z: NDArray[Any], found: Seen) -> bool:
     return False
 
 
-def _told(layout: Layout, phase: NDArray[Any]) -> NDArray[Any]:
+def _told(layout: Layout, phase: NDArray[Any], last: NDArray[Any]) -> NDArray[Any]:
     """Rows (phase, kind, flank) of the events that both must name."""
     told = np.ones(layout.n, dtype=bool)
-    for end in np.flatnonzero(layout.kind == 3):
+    for end in np.flatnonzero(layout.kind == Happening.CHATTER_END):
         near = np.mod(phase[end] - phase, layout.cycles) < SUMMED
-        told &= ~(near & layout.bounces())
+        told &= ~(near & layout.bounces)
+    told[last] = False
     return np.column_stack([phase, layout.kind, layout.flank])[told]
+
+
+def unlisted(layout: Layout, other: Layout) -> NDArray[Any]:
+    """Numbers of the last bounces of chatters that another list of the same events has summed.
+
+    None where it has other chatters.
+    """
+    ends, theirs = (np.flatnonzero(one.kind == Happening.CHATTER_END) for one in (layout, other))
+    if len(ends) != len(theirs):
+        return np.empty(0, dtype=int)
+    best: list[int] | None = None
+    for shift in range(len(ends)):
+        # Which chatter comes first depends on where a list begins.
+        found, fits = [], True
+        for end, their in zip(ends, np.roll(theirs, shift), strict=True):
+            own, of_other = _bounces_before(layout, int(end)), _bounces_before(other, int(their))
+            fits &= layout.flank[end] == other.flank[their]
+            found += [int(k % layout.n) for k in range(end - max(0, own - of_other), end)]
+        if fits and (best is None or len(found) < len(best)):
+            best = found
+    return np.array(best or [], dtype=int)
+
+
+def _bounces_before(layout: Layout, end: int) -> int:
+    """How many bounces lead to the end of a chatter without another event between."""
+    before = layout.bounces[np.arange(end - 1, end - 1 - layout.n, -1)]
+    other = np.flatnonzero(~before)
+    return int(other[0]) if len(other) else layout.n - 1
 
 
 def turns_of(layout: Layout, z: NDArray[Any], found: Seen) -> list[Turn]:

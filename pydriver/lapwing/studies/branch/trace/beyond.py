@@ -23,7 +23,7 @@ from lapwing.studies.branch.motion.curve import (
 from lapwing.studies.branch.motion.layout import Arc, Happening, Layout, of_parts
 from lapwing.studies.branch.motion.witness import Turn, agrees, distance_at_turn, seen, states_at
 from lapwing.studies.branch.special import Kind, Outcome, Special
-from lapwing.studies.branch.trace import Crossing, Follower
+from lapwing.studies.branch.trace.follower import Crossing, Follower
 
 # Events so near to each other, mesh periods, with no speed, come to nothing together.
 TOGETHER, NO_SPEED = 1e-6, 1e-6
@@ -133,6 +133,9 @@ def _lost(follower: Follower, crossing: Crossing, place: Place) -> tuple[Special
     arrives = Happening.REBOUND in kinds or Happening.GO_ON in kinds
     if _jumps(follower, place, flank) and arrives:
         return _found(follower, crossing, place, kind, words, None)
+    if layout.n == len(together) and Happening.RELEASE in kinds:
+        return _found(follower, crossing, place, Kind.ENGAGED,
+                      "the last separation vanishes: contact is kept", None)
     after = None
     if layout.n > len(together) and _closed(kinds):
         after = _without(follower, place, np.array(together),
@@ -168,7 +171,7 @@ def _without(follower: Follower, place: Place, events: NDArray[Any], turn: Turn,
     osc = follower.problem.oscillator(follower.problem.value(place.z))
     layout = place.layout.without(events, osc.contact_law == "rigid")
     kept = np.setdiff1d(np.arange(place.layout.n), events)
-    columns = np.append(np.ravel([[2 * k, 2 * k + 1] for k in kept]), len(place.z) - 1)
+    columns = place.layout.columns_without(events)
     z, along = place.z[columns], place.tangent[columns]
     arc = int(np.searchsorted(place.z[2 * kept], turn.phase, side="right")) % len(kept)
     turn = Turn(arc, turn.flank, turn.phase)

@@ -1,4 +1,4 @@
-"""A branch followed one way: steps, smooth special points, and where it meets a border."""
+"""What is met between two places of a branch: smooth special points, and borders."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from lapwing.studies.branch.motion.borders import (
     Borders,
     Condition,
     border_values,
-    borders_of,
     moved_on,
 )
 from lapwing.studies.branch.motion.curve import (
@@ -31,23 +30,11 @@ from lapwing.studies.branch.motion.curve import (
 )
 from lapwing.studies.branch.motion.layout import Layout
 from lapwing.studies.branch.motion.witness import (
-    Seen,
     Turn,
-    agrees,
     distance_at_turn,
-    seen,
-    turns_of,
 )
 from lapwing.studies.branch.special import Kind, Outcome, Point, Special
 
-# Steps in the measure of length: mesh periods, scaled speeds, parts of the range.
-FIRST_STEP, LONGEST, SHORTEST = 1e-3, 0.1, 1e-10
-# The first step onto a branch that crosses another: nearer to the crossing nothing is told apart.
-SWITCHED = 1e-2
-# After a border the multipliers change fast; the first step is short and each is twice the last.
-AFTER_BORDER = 1e-6
-# Cosine of the most that the tangent may turn in one step.
-TURN = 0.85
 # A monitor function that is larger where it changes its sign jumps there.
 NOT_ZERO = 1e-5
 
@@ -95,10 +82,12 @@ class Follower:
         """A place with its tangent, on the side of `along`."""
         return Place(layout, z, tangent_at(self.problem, layout, z, along))
 
-    def ahead(self, place: Place, step: float, most: int = 12) -> tuple[Place, int]:
+    def ahead(self, place: Place, step: float, most: int = 12,
+              guess: NDArray[Any] | None = None) -> tuple[Place, int]:
         """The curve a step further; NotCorrected where it is not found or lies elsewhere."""
         weights = self.problem.weights(place.layout)
-        guess = place.z + step * place.tangent
+        if guess is None:
+            guess = place.z + step * place.tangent
         z, count = corrected(self.problem, place.layout, guess, weights * place.tangent, most)
         if math.sqrt(float(weights @ (z - guess) ** 2)) > 0.5 * abs(step) + 1e-12:
             raise NotCorrected("far from where it was expected")
@@ -120,7 +109,7 @@ class Follower:
         tried: list[tuple[float, float, Place]] = []
 
         def at(s: float) -> float:
-            there = self.ahead(place, s, 20)[0] if s else place
+            there = self.ahead(place, s, 20, self._between(place, s, tried))[0] if s else place
             found = value(there)
             if not math.isfinite(found):
                 raise NotCorrected("no value")
@@ -135,6 +124,25 @@ class Follower:
         off = spread(tried, s, abs(found), float(there.tangent[-1])) + rounding(
             self.problem, there.layout, there.z, there.tangent)
         return there, off * self.problem.unit
+
+    def _between(self, place: Place, s: float,
+                 tried: list[tuple[float, float, Place]]) -> NDArray[Any] | None:
+        """Where the curve is expected between the nearest places known on either side: a cubic."""
+        row = self.problem.weights(place.layout) * place.tangent
+        known = [(one, there) for one, _, there in tried if there.layout is place.layout]
+        low, high = (min((one for one in known if (one[0] - s) * sign > 0), default=None,
+                         key=lambda one: abs(one[0] - s)) for sign in (-1, 1))
+        if low is None or high is None:
+            return None
+        width = high[0] - low[0]
+        t = (s - low[0]) / width
+        first, last = (there.tangent * (width / float(row @ there.tangent))
+                       for _, there in (low, high))
+        one, two = low[1].z, high[1].z
+        guess: NDArray[Any] = one + t * (
+            first + t * (3 * (two - one) - 2 * first - last
+                         + t * (first + last - 2 * (two - one))))
+        return guess + (s - float(row @ (guess - place.z))) * place.tangent
 
     def borders_passed(self, place: Place, borders: Borders, ahead: Place,
                        step: float) -> list[Crossing]:
@@ -240,151 +248,3 @@ def _halves_alike(place: Place) -> bool:
     away = place.z[n:-1] - place.z[:n]
     away[::2] -= layout.cycles // 2
     return bool(np.max(np.abs(away)) < 1e-5)
-
-
-@dataclass(frozen=True, eq=False)
-class Path:
-    """What following found: points in their order and special points by the point they follow."""
-
-    points: list[Point]
-    specials: list[tuple[int, Special]]
-    end: Special
-
-
-Beyond = Callable[[Follower, Crossing | str, Place], tuple[Special, Place | None]]
-
-
-def follow(follower: Follower, start: Place, most: int, beyond: Beyond,
-           critical: bool = False) -> Path:
-    """Follow a branch until a reason ends it.
-
-    1. A step along the tangent, corrected; halved where that fails, turns too far, or lands
-       elsewhere.
-    2. Conditions of its events that no longer hold are located, and the first one decides.
-    3. Where they hold the engine is asked. What it sees besides is a flank touched on the way: the
-       turn that did is located; a step that finds none is halved.
-    4. Smooth special points in between are located, and the next step begins.
-    5. At a border `beyond` tells what happens and where the branch goes on.
-
-    Where a multiplier of the start is 1 already (`critical`), nothing is said of its trace.
-    """
-    points = [follower.point(start)]
-    specials: list[tuple[int, Special]] = []
-    place, step, turns = start, SWITCHED if critical else FIRST_STEP, _turns(follower, start)
-    here = replace(points[0], trace=math.nan) if critical else points[0]
-
-    def ended(kind: Kind, words: str) -> Path:
-        return Path(points, specials, _ended(points[-1], kind, words))
-
-    while len(points) <= most:
-        taken, why = _step(follower, place, turns, step)
-        if taken is None:
-            special, after = beyond(follower, why, place)
-        else:
-            ahead, crossing = taken.place, taken.crossing
-            value = follower.problem.value(ahead.z)
-            outside = not follower.low < value < follower.high
-            if outside:
-                ahead, crossing = follower.at_limit(ahead, value), None
-            for special in follower.between(here, ahead):
-                specials.append((len(points) - 1, special))
-                if special.outcome is Outcome.ENDS:
-                    return Path([*points, follower.point(special.place)], specials, special)
-            points.append(follower.point(ahead))
-            if outside:
-                return ended(Kind.LIMIT, "end of the range")
-            if crossing is None:
-                if len(points) > 5 and _same_place(follower, start, ahead, taken.step):
-                    return ended(Kind.CLOSED, "back where it began")
-                place, turns, step = taken.next, taken.turns, taken.longer
-                here = points[-1] if place is ahead else follower.point(place)
-                continue
-            special, after = beyond(follower, crossing, ahead)
-        specials.append((len(points) - 1, special))
-        if after is None:
-            return Path(points, specials, special)
-        place, turns = after, _turns(follower, after)
-        step = FIRST_STEP if special.kind is Kind.KNOT else AFTER_BORDER
-        here = follower.point(place)
-        points.append(here)
-    return ended(Kind.POINTS, "as many points as were asked for")
-
-
-def _turns(follower: Follower, place: Place) -> list[Turn]:
-    found = seen(follower.problem, place.layout, place.z, follower.distance)
-    return turns_of(place.layout, place.z, found)
-
-
-@dataclass(frozen=True, eq=False)
-class Taken:
-    """A step: where it ends, the border that it meets, and from where the next one begins."""
-
-    place: Place
-    step: float
-    crossing: Crossing | None
-    next: Place
-    turns: list[Turn]
-    longer: float
-
-
-def _step(follower: Follower, place: Place, turns: list[Turn],
-          step: float) -> tuple[Taken | None, str]:
-    """One step that is good, or why none is."""
-    borders, why = borders_of(follower.problem, place.layout, place.z), ""
-    while step > SHORTEST:
-        try:
-            return _taken(follower, place, turns, borders, step), ""
-        except (NotCorrected, ValueError, OverflowError) as error:
-            why = str(error)
-            step *= 0.5 if step > 1e-5 else 0.1
-    return None, why
-
-
-def _taken(follower: Follower, place: Place, turns: list[Turn], borders: Borders,
-           step: float) -> Taken:
-    problem = follower.problem
-    ahead, count = follower.ahead(place, step, 8)
-    if problem.weights(place.layout) @ (place.tangent * ahead.tangent) < TURN and step > 1e-7:
-        raise NotCorrected("the curve turns")
-    passed = follower.borders_passed(place, borders, ahead, step)
-    if not passed:
-        found = seen(problem, ahead.layout, ahead.z, follower.distance)
-        if agrees(ahead.layout, ahead.z, found):
-            longer = min(LONGEST, step * (2.0 if count <= 3 or step < FIRST_STEP else
-                                          1.3 if count <= 5 else 1.0))
-            return Taken(ahead, step, None, _renewed(follower, ahead, found),
-                         turns_of(ahead.layout, ahead.z, found), longer)
-        passed = follower.turns_passed(place, turns, ahead, step)
-        if not passed:
-            raise NotCorrected("the engine sees another motion")
-    first = min(passed, key=lambda one: one.at)
-    return Taken(first.place, step, first, first.place, [], step)
-
-
-def _renewed(follower: Follower, place: Place, found: Seen) -> Place:
-    """The same place with as many bounces of a chatter as the engine lists."""
-    layout = found.layout
-    if layout is None or layout.n == place.layout.n or abs(place.tangent[-1]) < 0.3:
-        return place
-    try:
-        z = follower.problem.packed(found.phase, found.speed, follower.problem.value(place.z))
-        z = at_value(follower.problem, layout, z)
-        along = np.zeros(len(z))
-        along[-1] = math.copysign(1.0, place.tangent[-1])
-        return follower.place(layout, z, along)
-    except NotCorrected:
-        return place
-
-
-def _same_place(follower: Follower, one: Place, two: Place, step: float) -> bool:
-    if not one.layout.same(two.layout):
-        return False
-    weights = follower.problem.weights(one.layout)
-    away = math.sqrt(float(weights @ (one.z - two.z) ** 2))
-    return away < step and float(weights @ (one.tangent * two.tangent)) > 0.9
-
-
-def _ended(point: Point, kind: Kind, words: str) -> Special:
-    error = 0.0 if kind is Kind.LIMIT else math.nan
-    return Special(kind, Outcome.ENDS, point.value, error, words, 0, math.nan, point.place,
-                   point.multipliers)
