@@ -95,7 +95,8 @@ def test_a_table_has_words_for_codes(swept, response, tmp_path):
 def test_figures_are_methods(swept, response):
     assert {"orbit_diagram", "exponents"} <= set(swept.lapwing.figures())
     assert "waterfall" not in swept.lapwing.figures()
-    assert len(swept.lapwing.orbit_diagram().axes) == 4
+    diagram = swept.lapwing.orbit_diagram()
+    assert len(diagram.axes) == 4 and diagram.get_suptitle() == "orbit diagram, 240 rpm"
     assert "history" in dir(response.lapwing)
     with_units = response.lapwing.phase_portrait(gear_pair=PAIR)
     assert any("rad/s" in axis.get_ylabel() for axis in with_units.axes)

@@ -57,7 +57,8 @@ def draw(data: xr.Dataset, gear_pair: dict[str, float] | None = None, *,
     if alike:
         _in_words(panels.axes[-1], data, alike)
     panels.figure.suptitle(f"{title}: distributions{_share(data)}".removeprefix(": "))
-    _legend(panels.figure, data)
+    if shown:
+        _legend(panels.figure, data)
     return panels.figure
 
 

@@ -67,8 +67,7 @@ def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title:
     values = sweep[parameter].values
     critical_marks.mark_sweep(axes.flat, sweep, full_engagement, marks)
     marked = _resonances(axes, parameter, values, gear_pair)
-    sweep_parts.finish(figure, axes[:, 0], sweep,
-                       f"amplitudes: {sweep.attrs.get('name', '')}" if title is None else title)
+    sweep_parts.finish(figure, axes[:, 0], sweep, "amplitudes", title)
     axes[-1, 1].set_xlabel(axes[-1, 0].get_xlabel())
     if marked:
         axes[-1, 0].set_xlabel(f"{axes[-1, 0].get_xlabel()}; Ω: mesh frequency / natural frequency")

@@ -63,9 +63,7 @@ def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title:
     for claim in claims:
         sweep_parts.claim_marker(axis, claim.value, style.URAD * claim.depth)
     critical_marks.mark_sweep([axis], sweep, full_engagement, marks)
-    sweep_parts.finish(figure, np.array([axis]), sweep,
-                       f"deepest separation: {sweep.attrs.get('name', '')}"
-                       if title is None else title)
+    sweep_parts.finish(figure, np.array([axis]), sweep, "deepest separation", title)
     _claim_texts(axis, sorted(claims), sweep, curves)
     sweep_parts.legend(figure, sweep, claims=bool(claims), lines=True)
     return figure

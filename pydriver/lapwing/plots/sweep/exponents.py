@@ -46,8 +46,7 @@ def draw(sweep: xr.Dataset, *, title: str | None = None, full_engagement: float 
     for axis, panel, letter in zip(axes, (_section, _exponents, _multipliers), "abc", strict=True):
         axis.set_title(f"({letter}) {panel(axis, sweep)}")
     critical_marks.mark_sweep(axes, sweep, full_engagement, marks)
-    sweep_parts.finish(figure, axes, sweep,
-                       f"exponents: {sweep.attrs.get('name', '')}" if title is None else title)
+    sweep_parts.finish(figure, axes, sweep, "exponents", title)
     sweep_parts.legend(figure, sweep, failed=bool(sweep_parts.failed(sweep).any()))
     return figure
 

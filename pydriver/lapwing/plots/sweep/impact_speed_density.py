@@ -70,8 +70,7 @@ def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title:
         figure.colorbar(image, ax=list(axes), label="impacts per mesh cycle and decade of speed",
                         pad=0.02, aspect=40)
     critical_marks.mark_sweep(axes, sweep, full_engagement, marks)
-    sweep_parts.finish(figure, axes, sweep,
-                       f"impact speeds: {sweep.attrs.get('name', '')}" if title is None else title)
+    sweep_parts.finish(figure, axes, sweep, "impact speeds", title)
     return figure
 
 

@@ -63,8 +63,7 @@ def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title:
     for axis, panel, letter in zip(axes, panels, "abcd", strict=True):
         axis.set_title(f"({letter}) {panel(axis, sweep, gear_pair, claims)}")
     critical_marks.mark_sweep(axes, sweep, full_engagement, marks)
-    sweep_parts.finish(figure, axes, sweep,
-                       f"orbit diagram: {sweep.attrs.get('name', '')}" if title is None else title)
+    sweep_parts.finish(figure, axes, sweep, "orbit diagram", title)
     shown = [one for one in claims if np.isfinite(one.impacts) or (np.isfinite(one.depth)
              and _depths in panels)]
     sweep_parts.legend(figure, sweep, claims=bool(shown), more=_coast_entries(sweep),

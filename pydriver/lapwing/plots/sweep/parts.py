@@ -31,6 +31,8 @@ SAME, APART = 1e-3, 0.35
 PLACES, OPAQUE = 4096, 20
 # An entry of a legend has about so many letters; of a line of them so many fit.
 LETTERS = 105
+# What the heading of a sweep without a name tells of its operation.
+OPERATION = ("brake_torque", "pinion_speed_rpm", "pinion_speed_rad_s", "mesh_frequency_hz")
 # Words on an axis where they are others than a sentence takes.
 AXIS_WORDS = {"brake_torque": "braking torque", "restitution": "coefficient of restitution"}
 
@@ -214,8 +216,17 @@ def legend(figure: Figure, sweep: xr.Dataset, *, claims: bool = False, failed: b
     figure.legend(handles=handles, loc="outside lower center", ncols=-(-len(handles) // rows))
 
 
-def finish(figure: Figure, axes: NDArray[Any], sweep: xr.Dataset, title: str) -> None:
-    """Label and limits of the parameter's axis, and the heading."""
+def heading(what: str, sweep: xr.Dataset) -> str:
+    """What a figure shows, of which sweep: by its name, or by the torque and speed it has."""
+    if sweep.attrs.get("name"):
+        return f"{what}: {sweep.attrs['name']}"
+    known = [(name, quantities.PARAMETERS[name].shown) for name in OPERATION if name in sweep.attrs]
+    return ", ".join([what, *(f"{sweep.attrs[name]:g} {unit}" for name, unit in known)])
+
+
+def finish(figure: Figure, axes: NDArray[Any], sweep: xr.Dataset, what: str,
+           title: str | None) -> None:
+    """Label and limits of the parameter's axis, and the heading; `title` None: `heading`."""
     parameter = parameter_of(sweep)
     values = sweep[parameter].values
     axes[-1].set_xlabel(axis_label(parameter))
@@ -230,7 +241,7 @@ def finish(figure: Figure, axes: NDArray[Any], sweep: xr.Dataset, title: str) ->
         else:
             wider = MARGIN * (values[-1] - values[0])
             axes[-1].set_xlim(values[0] - wider, values[-1] + wider)
-    figure.suptitle(title)
+    figure.suptitle(heading(what, sweep) if title is None else title)
 
 
 def dots(axis: Axes, x: NDArray[Any], y: NDArray[Any], look: dict[str, Any]) -> None:

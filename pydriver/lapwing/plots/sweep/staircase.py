@@ -87,8 +87,7 @@ def draw(sweep: xr.Dataset, *, title: str | None = None, full_engagement: float 
             axis.set_xlim(*near)
         axes[-1].set_xlabel(sweep_parts.axis_label(sweep_parts.parameter_of(sweep)))
     critical_marks.mark_sweep(axes[:1], sweep, full_engagement, marks)
-    sweep_parts.finish(figure, axes[:1 + len(strips)], sweep,
-                       f"staircase: {sweep.attrs.get('name', '')}" if title is None else title)
+    sweep_parts.finish(figure, axes[:1 + len(strips)], sweep, "staircase", title)
     axes[0].tick_params(labelbottom=False)
     if near is not None:
         axes[len(strips)].set_xlabel("")

@@ -67,8 +67,7 @@ def draw(sweep: xr.Dataset, *, title: str | None = None, full_engagement: float 
     figure.colorbar(image, ax=list(axes), label="amplitude of φ (µrad)", pad=0.02, aspect=40,
                     extend="min")
     critical_marks.mark_sweep(axes, sweep, full_engagement, marks, color="white")
-    sweep_parts.finish(figure, axes, sweep,
-                       f"order spectra: {sweep.attrs.get('name', '')}" if title is None else title)
+    sweep_parts.finish(figure, axes, sweep, "order spectra", title)
     return figure
 
 
