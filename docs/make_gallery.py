@@ -52,6 +52,10 @@ DECKS = {
                     "12 N·m, nearly half of the states shown do, at 12.4 N·m nearly a quarter: a "
                     "run that stayed quiet proves nothing there, and a single knock can begin a "
                     "rattling that does not end.",
+    "attractors_25x32": "How much rattling is left near the torque at which separation is said to "
+                        "vanish? From 11.92 N·m on contact can last, but up to 12.17 N·m half of "
+                        "the starts rattle on, at 12.4 N·m still a quarter, in one motion after "
+                        "the other, each over a range of torque of its own.",
     "minimal": "The shortest deck.",
 }
 FIGURES = {
@@ -68,6 +72,8 @@ FIGURES = {
                    "the torque above which contact can be kept.",
     "map_depth": "Deepest separation over speed and braking torque.",
     "map_arrivals": "Impacts per mesh cycle over speed and braking torque; outlined: back impacts.",
+    "attractor_shares": "Attractors along the braking torque, each followed from value to value, "
+                        "and the share of random starts that end in each.",
     "basins": "Basins: each start in the colour of the motion it leads to, these motions drawn in.",
     "distributions": "How each answer is distributed among pairs, with the limits of its "
                      "quantiles.",

@@ -13,6 +13,7 @@ from lapwing import (
     TransmissionError,
     critical_torque,
 )
+from lapwing.engine import flank_motion
 
 ROOT = Path(__file__).parents[1]
 EPS = float(np.finfo(float).eps)
@@ -60,6 +61,27 @@ def ball_start(gamma, restitution, n=1):
     theta_dot = -math.sin(angle) - restitution * speed
     theta = math.cos(angle) + time * (theta_dot + 0.5 * time / gamma)
     return MotionState.SEPARATION, theta - 1.0, theta_dot + time / gamma
+
+
+def one_impact_orbits(osc, n):
+    """(φ, φ', trace) at phase 0 of the orbits with one impact every n cycles, exactly.
+
+    They strike where -g' = (nPF/2)(1 - ε)/(1 + ε); the trace is 1 + ε² - (1 + ε)² g''/F.
+    """
+    restitution, force, period = osc.restitution, osc.force, osc.period
+    slope = n * period * force / 2 * (1 - restitution) / (1 + restitution)
+    t = np.linspace(0, period, 4097)[:-1]
+    excess = -flank_motion(osc, t)[1] - slope
+    for k in np.flatnonzero(np.diff(np.sign(excess))):
+        low, high = t[k], t[k + 1]
+        for _ in range(60):
+            middle = (low + high) / 2
+            same = (-flank_motion(osc, [middle])[1, 0] - slope) * excess[k] > 0
+            low, high = (middle, high) if same else (low, middle)
+        (g, rate, bend), (g0, rate0, _) = flank_motion(osc, [low, 0.0]).T
+        left, speed = period - low, rate - restitution * n * period * force / (1 + restitution)
+        trace = 1 + restitution**2 - (1 + restitution) ** 2 * bend / force
+        yield (g + speed * left + force * left**2 / 2 - g0, speed + force * left - rate0, trace)
 
 
 def as_in_a_deck(sweep):

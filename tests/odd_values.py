@@ -187,6 +187,11 @@ CASES = {
         "osc": OSC, "starts": "random", "runs": 2, "scrambles": 16, "seed": 0, "phi": (-1e-4, 1e-5),
         "phi_dot": (-1e-5, 1e-5), "phase": 0.0, "most_cycles": 20, "returns": 3, "recurrences": 5,
         "resolution": 16, "numerics": None, "threads": 1, "progress": None}),
+    "attractors_along": (lw.attractors_along, {
+        "pair": PAIR, "te": TE, "values": [12.0], "parameter": "brake_torque", "runs": 2, "seed": 0,
+        "phi": (-1e-4, 1e-5), "phi_dot": (-1e-5, 1e-5), "phase": 0.0, "most_cycles": 20,
+        "returns": 3, "recurrences": 5, "resolution": 16, "numerics": None, "threads": 1,
+        "progress": None, "keep_interrupted": False, "pinion_speed_rpm": 300}),
     "basins": (lw.basins, {
         "osc": OSC, "plane": "state", "size": 2, "phi": (-1e-4, 1e-5), "phi_dot": (-1e-5, 1e-5),
         "phase": 0.0, "speed": None, "most_cycles": 20, "returns": 3, "recurrences": 5,

@@ -37,6 +37,7 @@ _HOMES = {
     "branch": "studies.branch",
     "branches": "studies.branch",
     "attractors": "studies.attractors.run",
+    "attractors_along": "studies.attractors.along",
     "basins": "studies.attractors.basins",
     "ensemble": "studies.ensemble.run",
     "Draw": "model.draw",

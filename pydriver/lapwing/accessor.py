@@ -201,6 +201,8 @@ class LapwingAccessor:
             return "response"
         if "plane" in self._dataset.attrs:
             return "basins"
+        if "continuation_steps" in self._dataset.attrs:
+            return "attractors"
         if "x_parameter" in self._dataset.attrs:
             return "map"
         if "find" in self._dataset.attrs:

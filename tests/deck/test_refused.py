@@ -46,7 +46,7 @@ GOOD = (REFUSED.parent / "accepted" / "plain.nml").read_text(encoding="utf-8")
                                    "did you mean 'brake_torque'?"),
     ("brake_torque", "2", "expected group.key, or response.NAME.key; known are gear_pair, "
      "transmission_error, operation, scene, numerics, draw, response, sweep, critical, map, "
-     "ensemble, branches, basins"),
+     "ensemble, branches, basins, attractors"),
     ("sweep.nosuch.count", "2", "which &sweep? expected sweep.NAME.key with one of none in this "
                                 "deck"),
     ("operation.mesh_frequency_hz", "100", "pinion_speed_rpm and mesh_frequency_hz are both "

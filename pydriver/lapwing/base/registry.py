@@ -93,7 +93,10 @@ STUDIES = {study.kind: study for study in (
           "studies.branch.study", "report.branches", ("bifurcation",), turn=6, place=6),
     Study("basins", "basin plane", "deck.keys.basins:BasinsKeys",
           "studies.attractors.basins_study", "report.attractors.basins", ("attractors.basins",),
-          turn=8, place=8))}
+          turn=8, place=8),
+    Study("attractors", "line of attractors", "deck.keys.attractors:AttractorsKeys",
+          "studies.attractors.study", "report.attractors.along", ("attractors.attractor_shares",),
+          turn=7, place=7))}
 
 
 def give_accessor() -> None:

@@ -242,7 +242,7 @@ def _options(results: Any, task: Task) -> dict[str, Any]:
         return {"title": f"{deck}, sweep '{task.name}': {shown}",
                 "claims": _claims(results, str(task.name)),
                 "marks": _marks(results, parameter_of(results.sweep(task.name)))}
-    if task.kind in ("map", "ensemble", "basins"):
+    if task.kind in ("map", "ensemble", "attractors", "basins"):
         return {"title": f"{results.attrs.get('deck_name', '')}, {task.kind} '{task.name}'"}
     if task.kind == "branches":
         parameter = results.study(task.kind, task.name).attrs["parameter"]

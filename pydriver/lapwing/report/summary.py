@@ -36,7 +36,8 @@ def summary_text(results: Results, figures: Sequence[str] = ()) -> str:
     lines = [f"# {results.attrs['deck_name']}", "", *_first(figures),
              *findings_lines(findings(
                  *studies_in(results), results.missing,
-                 *(_all(results, kind) for kind in ("map", "ensemble", "branches", "basins")))), "",
+                 *(_all(results, kind) for kind in ("map", "ensemble", "branches", "basins",
+                                                    "attractors")))), "",
              *_gear(results)]
     for study, datasets in found.items():
         part = study.part("report")

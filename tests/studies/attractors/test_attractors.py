@@ -4,35 +4,14 @@ import numpy as np
 import pytest
 
 import lapwing
-from helpers import FLAT, oscillator, scene_a, scene_c, scene_d
+from helpers import FLAT, one_impact_orbits, oscillator, scene_a, scene_c, scene_d
 from lapwing import Ending, MotionState, Numerics, Status, attractors, engine, find_orbit
-from lapwing.engine import Known, calls, flank_motion
+from lapwing.engine import Known, calls
 from lapwing.studies.attractors.motions import Motion, goals_of
 from lapwing.studies.attractors.search import Search
 from lapwing.studies.attractors.starts import ranges
 
 NUMERICS = Numerics(rtol=1e-8)
-
-
-def one_impact_orbits(osc, n):
-    """(φ, φ', trace) at phase 0 of the orbits with one impact every n cycles, exactly.
-
-    They strike where -g' = (nPF/2)(1 - ε)/(1 + ε); the trace is 1 + ε² - (1 + ε)² g''/F.
-    """
-    restitution, force, period = osc.restitution, osc.force, osc.period
-    slope = n * period * force / 2 * (1 - restitution) / (1 + restitution)
-    t = np.linspace(0, period, 4097)[:-1]
-    excess = -flank_motion(osc, t)[1] - slope
-    for k in np.flatnonzero(np.diff(np.sign(excess))):
-        low, high = t[k], t[k + 1]
-        for _ in range(60):
-            middle = (low + high) / 2
-            same = (-flank_motion(osc, [middle])[1, 0] - slope) * excess[k] > 0
-            low, high = (middle, high) if same else (low, middle)
-        (g, rate, bend), (g0, rate0, _) = flank_motion(osc, [low, 0.0]).T
-        left, speed = period - low, rate - restitution * n * period * force / (1 + restitution)
-        trace = 1 + restitution**2 - (1 + restitution) ** 2 * bend / force
-        yield (g + speed * left + force * left**2 / 2 - g0, speed + force * left - rate0, trace)
 
 
 @pytest.fixture(scope="module")

@@ -19,6 +19,7 @@ from lapwing.report.answers import between
 from lapwing.report.answers.besides import besides
 from lapwing.report.answers.evidence import failures, looks, together
 from lapwing.report.answers.source import against_source
+from lapwing.report.attractors.along import findings as along_findings
 from lapwing.report.attractors.basins import findings as basins_findings
 from lapwing.report.branches import findings as branches_findings
 from lapwing.report.critical import REASONS
@@ -43,13 +44,13 @@ TERMS = {"safe": "above it none of the motions tried rattles",
 
 def findings(responses: Any, criticals: Any, sweeps: Any, missing: Any = (),
              maps: Any = (), ensembles: Any = (), diagrams: Any = (),
-             basins: Any = ()) -> list[str]:
+             basins: Any = (), lines: Any = ()) -> list[str]:
     """What a run found, the most important first.
 
     Parameters
     ----------
-    responses, criticals, sweeps, maps, ensembles, diagrams, basins : sequences of Dataset, each
-        with its name as an attribute
+    responses, criticals, sweeps, maps, ensembles, diagrams, basins, lines (of attractors) :
+        sequences of Dataset, each with its name as an attribute
     missing : sequence of (kind, name), studies of the deck without a result
 
     Returns
@@ -63,7 +64,8 @@ def findings(responses: Any, criticals: Any, sweeps: Any, missing: Any = (),
                *noise_findings(criticals), *besides(criticals, sweeps),
                *(sentence for one in maps for sentence in map_findings(one)),
                *ensemble_findings(list(ensembles)),
-               *(sentence for one in basins for sentence in basins_findings(one))]
+               *(sentence for one in basins for sentence in basins_findings(one)),
+               *(sentence for one in lines for sentence in along_findings(one))]
     if not answers:
         return [*stopped, "**Nothing is known**: no run has a result."]
     return [*stopped, *answers, *torque.failures()]

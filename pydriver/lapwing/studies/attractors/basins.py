@@ -163,7 +163,7 @@ def dataset_of(job: Cells, found: Found, interrupted: bool) -> xr.Dataset:
         "followed_cycles": ends["cycles"].astype(np.int32),
         "status": ends["status"].astype(np.int8)}
     return worded(xr.Dataset(
-        attractor_variables(search)
+        attractor_variables(search, order)
         | shares(labels, labels > 0, len(order), Sample(grid.runs, -1))
         | {name: (grid.order, values.reshape(grid.shape)) for name, values in cells.items()},
         {"attractor": np.arange(1, len(order) + 1, dtype=np.int32), **grid.axes}, {

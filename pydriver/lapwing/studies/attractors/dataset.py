@@ -48,9 +48,10 @@ def renumbered(ends: NDArray[Any], order: list[int]) -> NDArray[np.int16]:
     return labels
 
 
-def attractor_variables(search: Search) -> dict[str, Any]:
-    """What is told of each motion, over `attractor`, in the order of `ranked`."""
-    motions = [search.motions[number - 1] for number in ranked(search.motions)]
+def attractor_variables(search: Search, order: list[int],
+                        most_points: int = MOST_POINTS) -> dict[str, Any]:
+    """What is told of each motion, over `attractor`, in an order of their numbers (`ranked`)."""
+    motions = [search.motions[number - 1] for number in order]
     record = [one.period or RECORD for one in motions]
     told: dict[str, Any] = {name: ("attractor", np.array(
         [int(one.outcome[name]) for one in motions], np.int32)) for name in COUNTS}
@@ -69,7 +70,7 @@ def attractor_variables(search: Search) -> dict[str, Any]:
     told["lyapunov_exponent_error"] = ("attractor",
                                        np.array([one.exponent_error for one in motions]))
     told["residual"] = ("attractor", np.array([one.residual for one in motions]))
-    points = [one.states[:one.period or MOST_POINTS] for one in motions]
+    points = [one.states[:one.period or most_points] for one in motions]
     table = np.full((len(motions), max(map(len, points), default=1), 3), np.nan)
     for row, states in zip(table, points, strict=True):
         row[:len(states)] = states
@@ -88,15 +89,19 @@ def shares(labels: NDArray[np.integer[Any]], known: NDArray[np.bool_], count: in
     return told | {name: ("attractor", table[:, i]) for i, name in enumerate(SHARES)}
 
 
+def rules(search: Search) -> dict[str, Any]:
+    """What a result says of when the end of a run is known: attributes."""
+    return {"arrival": arrivals_of(search.osc.contact_law).word, "most_cycles": search.most_cycles,
+            "returns": search.returns, "recurrences": search.recurrences,
+            "resolution": search.resolution, "same_within": SAME, "max_period": MAX_PERIOD}
+
+
 def about(search: Search) -> dict[str, Any]:
-    """What a result says of how ends were recognised: attributes."""
-    osc, (cells, box) = search.osc, (search.known().cells, search.known().box)
+    """What a result says of one oscillator, and of how ends were recognised: attributes."""
+    cells, box = search.known().cells, search.known().box
     aperiodic = any(not one.period for one in search.motions)
     size = np.array([box[1] - box[0], box[3] - box[2]]) / cells.shape
-    return {**settings(osc, search.numerics), "arrival": arrivals_of(osc.contact_law).word,
-            "most_cycles": search.most_cycles, "returns": search.returns,
-            "recurrences": search.recurrences, "resolution": search.resolution,
-            "same_within": SAME, "max_period": MAX_PERIOD,
+    return {**settings(search.osc, search.numerics), **rules(search),
             "cell_phi": float(size[0]) if aperiodic else float("nan"),
             "cell_phi_dot": float(size[1]) if aperiodic else float("nan"),
             "recorded_cycles": RECORD if aperiodic else 0}
@@ -115,8 +120,8 @@ def dataset_of(search: Search, rows: NDArray[np.float64], ends: NDArray[Any], sa
     """What `lapwing.attractors` returns."""
     import xarray as xr
 
-    count = len(search.motions)
-    labels = renumbered(ends, ranked(search.motions))
+    order = ranked(search.motions)
+    labels, count = renumbered(ends, order), len(order)
     runs = {"attractor_of_run": labels, "ending": ends["ending"].astype(np.int8),
             "followed_cycles": ends["cycles"].astype(np.int32),
             "status": ends["status"].astype(np.int8),
@@ -126,11 +131,11 @@ def dataset_of(search: Search, rows: NDArray[np.float64], ends: NDArray[Any], sa
         runs["scramble"] = np.repeat(np.arange(sample.scrambles, dtype=np.int16),
                                      sample.runs // sample.scrambles)
     return worded(xr.Dataset(
-        attractor_variables(search) | shares(labels, labels > 0, count, sample)
+        attractor_variables(search, order) | shares(labels, labels > 0, count, sample)
         | {name: ("run", values) for name, values in runs.items()},
         {"attractor": np.arange(1, count + 1, dtype=np.int32)},
         {**about(search), **told, **counts(ends)}))
 
 
 __all__ = ["about", "attractor_variables", "counts", "dataset_of", "ranked",
-           "renumbered", "shares"]
+           "renumbered", "rules", "shares"]

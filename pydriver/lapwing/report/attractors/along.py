@@ -1,0 +1,137 @@
+"""What attractors along a parameter say in words: which there are, where, and how often met."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lapwing.base.arrivals import arrivals_in
+from lapwing.report.attractors.words import percent
+from lapwing.report.words import markdown, parameter_unit, parameter_words, plural
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from lapwing.results import Results
+
+# Rows of the table: the attractors that are met over the most values.
+MOST_ROWS = 24
+
+
+def section(lines: list[xr.Dataset], results: Results) -> list[str]:
+    """The summary's part on attractors; see `registry`."""
+    return [line for one in lines
+            for line in ("", f"## Attractors {one.attrs['name']}", "", *along_text(one))]
+
+
+def headline(data: xr.Dataset) -> str:
+    """How many attractors along how many values, and what is not known."""
+    reached = data["reached"].values == 1
+    open_ = int(reached.size - reached.sum())
+    unresolved, failed = (int(data[name].values[reached].sum()) for name in (
+        "unresolved", "failed"))
+    return (f"{plural(data.sizes['attractor'], 'attractor')} along "
+            f"{plural(int(reached.sum()), 'value')} of "
+            f"{parameter_words(str(data.attrs['parameter']))}"
+            + f"; {unresolved} runs not resolved" * bool(unresolved)
+            + f"; {open_} values not reached" * bool(open_) + f"; {failed} failed" * bool(failed))
+
+
+def findings(data: xr.Dataset) -> list[str]:
+    """What it answers, as a sentence or two in Markdown; none where no value was reached."""
+    reached = data["reached"].values == 1
+    if not reached.any():
+        return []
+    name, runs = str(data.attrs["parameter"]), int(data.attrs["runs"])
+    values, unit = data[name].values[reached], parameter_unit(name)
+    there = data["period"].values[reached] >= 0
+    most = int(there.sum(axis=1).max())
+    at = values[there.sum(axis=1) == most]
+    words = parameter_words(name)
+    said = [f"**Along {words} {_span(values, unit)} up to {plural(most, 'motion')} coexist"
+            f"{'' if most > 1 else 's'}** ({_span(at, unit)}), from {runs} random starts at each "
+            f"of {plural(values.size, 'value')} (attractors `{data.attrs['name']}`)"]
+    moves = there & (data["deepest_separation"].values[reached] > 0)
+    rattling = np.nansum(np.where(moves, data["share"].values[reached], 0.0), axis=1)
+    last = np.flatnonzero(moves.any(axis=1))
+    if last.size:
+        share = rattling[last[-1]]
+        said.append(f"the last value at which separation was found is {values[last[-1]]:g} {unit}"
+                    .rstrip() + f", from {percent(float(share))} of the starts there"
+                    + " (the last one looked at)" * bool(last[-1] == values.size - 1))
+    else:
+        said.append("no separation was found")
+    lost = int((data["unresolved"].values[reached] + data["failed"].values[reached]).sum())
+    return ["; ".join(said) + ". A motion that no start led to is not excluded: its share of the "
+            f"starts at a value is below {percent(1 - 0.05 ** (1 / runs))}, with 95 % confidence."
+            + f" Of {plural(lost, 'run')} the end is not known." * bool(lost)]
+
+
+def _span(values: np.ndarray, unit: str) -> str:
+    if values.size == 1:
+        return f"{values[0]:g} {unit}".rstrip()
+    return f"{values[0]:g} to {values[-1]:g} {unit}".rstrip()
+
+
+def along_text(data: xr.Dataset) -> list[str]:
+    """Findings along one parameter, lists and a table.
+
+    Parameters
+    ----------
+    data : xarray.Dataset, group `attractors_<name>` of a result file
+
+    Returns
+    -------
+    list of str, lines of Markdown
+    """
+    attrs, reached = data.attrs, data["reached"].values == 1
+    name = str(attrs["parameter"])
+    law, unit = arrivals_in(attrs), parameter_unit(name)
+    open_ = int(reached.size - reached.sum())
+    lost = {what: int(data[what].values[reached].sum()) for what in (
+        "failed", "unresolved", "presumed")}
+    values = data[name].values
+    lines = [
+        f"- {parameter_words(name)} {_span(values, unit)}, {plural(values.size, 'value')}"
+        + f", **{open_} not reached**" * bool(open_)
+        + f"; {attrs['runs']} random starts at each (seed {attrs['seed']}), contact law "
+        f"`{attrs['contact_law']}`, impact law `{attrs['impact_law']}`; {lost['failed'] or 'none'} "
+        f"of {int(attrs['runs']) * int(reached.sum())} failed, {lost['unresolved'] or 'none'} not "
+        f"resolved, the end of {lost['presumed'] or 'none'} is presumed (docs/attractors.md)",
+        "- an attractor keeps its number from a value to the next where its motion was continued "
+        "there and a run ends in it; shares are parts of the random starts, limits of them are in "
+        "the file",
+        f"- {law.word}s are counted: {law.rule(attrs['count_depth'])}"
+        + " separation" * law.threshold]
+    if not data.sizes["attractor"]:
+        return [*lines, "- no motion was recognised: nothing is known"]
+    return [*lines, "", *_table(data, unit)]
+
+
+def _table(data: xr.Dataset, unit: str) -> list[str]:
+    name = str(data.attrs["parameter"])
+    there = (data["period"].values >= 0) & (data["reached"].values == 1)[:, None]
+    order = np.argsort(-there.sum(axis=0), kind="stable")[:MOST_ROWS]
+    rows = [("attractor", f"{parameter_words(name)}" + f" ({unit})" * bool(unit), "values",
+             "class, lowest to highest", "deepest separation (µrad)", "share")]
+    for i in np.sort(order):
+        at = np.flatnonzero(there[:, i])
+        if not at.size:
+            continue
+        kinds = list(dict.fromkeys(str(data["motion_class"].values[k, i]) for k in (at[0], at[-1])))
+        depth = 1e6 * data["deepest_separation"].values[at, i]
+        shares = data["share"].values[at, i]
+        rows.append((str(i + 1), _span(data[name].values[at], ""), str(at.size), " … ".join(kinds),
+                     _from_to(f"{depth.min():.3g}", f"{depth.max():.3g}"),
+                     _from_to(percent(float(shares.min())), percent(float(shares.max())))))
+    more = data.sizes["attractor"] - len(order)
+    return [*markdown(rows), *["", f"{plural(more, 'attractor')} more, met at fewer values, "
+                               "in the file."] * (more > 0)]
+
+
+def _from_to(low: str, high: str) -> str:
+    return low if low == high else f"{low} to {high}"
+
+
+__all__ = ["along_text", "findings", "headline", "section"]
