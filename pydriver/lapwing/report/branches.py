@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lapwing.base.codes import FoundFrom, FoundMotion, SpecialPoint
-from lapwing.report.words import markdown, parameter_unit, parameter_words, plural
+from lapwing.report.words import markdown, parameter_unit, parameter_words, plural, sections
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -64,8 +64,7 @@ def exactly(value: float, error: float) -> str:
 
 def section(diagrams: list[xr.Dataset], results: Results) -> list[str]:
     """The summary's part on branches; see `registry`."""
-    return [line for one in diagrams
-            for line in ("", f"## Branches {one.attrs['name']}", "", *branches_text(one))]
+    return sections("Branches", diagrams, branches_text)
 
 
 def headline(data: xr.Dataset) -> str:

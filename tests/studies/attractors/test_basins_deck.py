@@ -10,7 +10,7 @@ from lapwing.commands.status import state_of
 from lapwing.part import run_part
 from lapwing.plots import figure_of
 from lapwing.plots.attractors.basins import shows
-from lapwing.report.attractors.basins import basins_text, findings, headline
+from lapwing.report.attractors.basins import basins_text, choice, findings, headline
 from lapwing.results import checksums, read_results
 from lapwing.studies.cost import stages_of
 
@@ -128,6 +128,14 @@ def test_words_where_something_is_missing(plane):
     one = plane.copy(deep=True)
     one["runs_ended"].values[:] = [1600, 0]
     assert "all starts lead to one motion" in findings(one)[0]
+
+
+def test_the_torque_at_which_starts_rattle_is_not_enough(plane):
+    higher = plane.assign_attrs(brake_torque=13.0).copy(deep=True)
+    assert choice([plane, higher])[0].startswith("**Choose more than 13 N·m; how much more is")
+    higher["runs_ended"].values[:] = [1600, 0]  # all in lasting contact
+    assert choice([plane, higher])[0].startswith("**Choose more than 12.4 N·m; how much more is")
+    assert choice([higher]) == choice([]) == []
 
 
 def test_figure(plane):

@@ -20,6 +20,7 @@ from lapwing.report.answers.besides import besides
 from lapwing.report.answers.evidence import failures, looks, together
 from lapwing.report.answers.source import against_source
 from lapwing.report.attractors.along import findings as along_findings
+from lapwing.report.attractors.basins import choice as basins_choice
 from lapwing.report.attractors.basins import findings as basins_findings
 from lapwing.report.branches import findings as branches_findings
 from lapwing.report.critical import REASONS
@@ -59,7 +60,8 @@ def findings(responses: Any, criticals: Any, sweeps: Any, missing: Any = (),
     """
     stopped = _stopped([*sweeps, *maps, *ensembles, *basins], missing)
     torque = _Torque(responses, criticals, sweeps)
-    answers = [*torque.sentences(),
+    said = torque.sentences()
+    answers = [*said, *(basins_choice(basins) if not said else ()),
                *(sentence for one in diagrams for sentence in branches_findings(one)),
                *noise_findings(criticals), *besides(criticals, sweeps),
                *(sentence for one in maps for sentence in map_findings(one)),

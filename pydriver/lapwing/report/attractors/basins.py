@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from lapwing.base.arrivals import arrivals_in
 from lapwing.base.codes import Status
 from lapwing.report.attractors.words import attractor_rows, motion_words, percent
-from lapwing.report.words import markdown, plural
+from lapwing.report.words import markdown, parameter_unit, plural, sections
 from lapwing.results.findings import endings
 
 if TYPE_CHECKING:
@@ -24,8 +25,7 @@ PLANES = {"state": "states (φ, dφ/dτ)", "drive": "arrivals at the drive flank
 
 def section(planes: list[xr.Dataset], results: Results) -> list[str]:
     """The summary's part on basins; see `registry`."""
-    return [line for one in planes
-            for line in ("", f"## Basins {one.attrs['name']}", "", *basins_text(one))]
+    return sections("Basins", planes, basins_text)
 
 
 def headline(data: xr.Dataset) -> str:
@@ -51,6 +51,20 @@ def findings(data: xr.Dataset) -> list[str]:
     return [f"**{_torque(data)}{said}**: {shares[0].replace(' in ', f' {every} in ', 1)}"
             + "".join(f"; {one}" for one in shares[1:]) + f" (basins `{data.attrs['name']}`)."
             + f" Of {lost} the end is not known." * bool(lost)]
+
+
+def choice(planes: Sequence[xr.Dataset]) -> list[str]:
+    """The torque that is not enough: the highest at which a start was seen to lead to rattling.
+
+    None where no plane is at one braking torque, or no start leads to rattling.
+    """
+    torques = [float(one.attrs["brake_torque"]) for one in planes if "brake_torque" in one.attrs
+               and ((one["runs_ended"] > 0) & (one["deepest_separation"] > 0)).any()]
+    if not torques:
+        return []
+    return [f"**Choose more than {max(torques):g} {parameter_unit('brake_torque')}; how much more "
+            "is not known**: there some starts still lead to rattling; a search for T_safe "
+            "(&critical, find = 'safe') would say."]
 
 
 def _torque(data: xr.Dataset) -> str:
