@@ -213,7 +213,8 @@ CASES = {
         "make": make, "low": OSC.force, "high": OSC.force * 1.01, "start": STATE,
         "doublings": 1, "cycles": 1, "settle": 2}),
     "branch": (lw.branch, {"orbit": ORBIT, "parameter": ORBIT.oscillator.with_force,
-                           "value": 1.0, "low": 0.999, "high": 1.001, "points": 3}),
+                           "value": 1.0, "low": 0.999, "high": 1.001, "points": 3,
+                           "unstable": None}),
     "branches": (lw.branches, {
         "pair": PAIR, "te": TE, "parameter": "brake_torque", "low": 12.4, "high": 12.6, "seeds": 2,
         "starts": GRID, "random_starts": 1, "random_seed": 0, "highest_period": 2, "threads": 1,

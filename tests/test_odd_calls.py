@@ -69,7 +69,7 @@ def test_every_argument_has_a_good_value(name):
     named = {key for key, one in inspect.signature(function).parameters.items()
              if one.kind is not one.VAR_KEYWORD}
     assert named - set(good) <= {"numerics", "chatter_tol", "method", "rtol", "count_depth",
-                                 "max_events_per_cycle", "max_steps_per_cycle"}
+                                 "max_events_per_cycle", "max_steps_per_cycle", "records"}
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES

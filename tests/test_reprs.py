@@ -78,6 +78,8 @@ def test_the_numbers_shown_are_those_of_the_object():
 def test_a_critical_value_is_written_as_its_number():
     found = lapwing.critical_full(PAIR, SHIPPED, pinion_speed_rpm=240)
     assert f"{found:.3f}" == f"{found.value:.3f}" and f"{found}" == repr(found)
+    with pytest.raises(AttributeError, match=r"has no 'vlue', did you mean 'value'\?"):
+        found.vlue  # noqa: B018
 
 
 def test_what_is_not_known_of_an_exponent_is_said():

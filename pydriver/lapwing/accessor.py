@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from lapwing.base.arguments import choice, flag, wrong
+from lapwing.base.arguments import choice, complete, flag, wrong
 from lapwing.base.arguments import path as file_path
 from lapwing.base.messages import nearest
 from lapwing.base.quantities import RATE
@@ -37,6 +37,7 @@ class LapwingAccessor:
     def __init__(self, dataset: xr.Dataset) -> None:
         self._dataset = dataset
 
+    @complete()
     def speed(self, name: str | None = None, unit: str = "rad/s",
               gear_pair: GearPair | Mapping[str, Any] | None = None) -> xr.DataArray:
         """A rate in τ as a speed.
@@ -120,6 +121,7 @@ class LapwingAccessor:
             dim: ("impact", chosen[dim].values[one])
             for dim, one in zip(kept.dims, index, strict=True)}})
 
+    @complete()
     def table(self, dim: str | None = None, units: bool = False) -> pd.DataFrame:
         """Variables along one dimension as a table, codes in words; into a CSV file: `to_csv`.
 
@@ -164,6 +166,7 @@ class LapwingAccessor:
                 columns[head] = variable.values
         return pd.DataFrame(columns)
 
+    @complete()
     def to_csv(self, path: str | os.PathLike[str], dim: str | None = None) -> None:
         """Write `table` into a CSV file, units in its header: `time [s],tau,cycle,phase,kind, …`.
 

@@ -133,6 +133,8 @@ def test_overrides(tmp_path):
     assert (response.operation["brake_torque"], response.operation["impact_law"]) == \
         (2, "absolute")
     assert (response.settle_cycles, response.rtol) == (10, 1e-9)
+    single = load_deck(PLAIN, ("operation.brake_torque", "2d0"))
+    assert single.overrides == (("operation.brake_torque", "2d0"),)
 
 
 def test_log_ranges_and_lists(tmp_path):

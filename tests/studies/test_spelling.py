@@ -55,6 +55,10 @@ CALLS = {
                      "values is missing"]),
     "twice": (lambda: lapwing.simulate(scene_a(3.3), osc=scene_a(3.3)), ["osc is given twice"]),
     "class": (lambda: lapwing.Numerics(rtoll=1e-6), ["Numerics: 'rtoll' .* did you mean 'rtol'"]),
+    "history": (lambda: lapwing.simulate(scene_a(3.3), cycles=1).history(tau=[0.0]),
+                ["history: 'tau' is unknown, did you mean 'taus'", "taus is missing"]),
+    "table": (lambda: lapwing.simulate(scene_a(3.3), cycles=1).events.lapwing.table(unit=True),
+              ["table: 'unit' is unknown, did you mean 'units'"]),
     "factory": (lambda: lapwing.TransmissionError.harmonic(amplitude=[1e-5]),
                 ["did you mean 'amplitudes'", "amplitudes is missing"]),
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,8 +41,8 @@ def load_deck(path: Any, overrides: Any = ()) -> Deck:
     Parameters
     ----------
     path : str or Path
-    overrides : sequence of (key, value text), such as ("operation.brake_torque", "2"); keys of
-        &response and &sweep are named response.NAME.key and sweep.NAME.key
+    overrides : sequence of (key, value text), such as ("operation.brake_torque", "2"), or a single
+        one; keys of &response and &sweep are named response.NAME.key and sweep.NAME.key
 
     Returns
     -------
@@ -73,7 +73,9 @@ def load_deck(path: Any, overrides: Any = ()) -> Deck:
 
 
 def _pairs(overrides: Any) -> tuple[tuple[str, str], ...]:
-    """Overrides as pairs of text."""
+    """Overrides as pairs of text; a single pair is a list of one."""
+    if isinstance(overrides, tuple | list) and _is_pair(overrides):
+        overrides = [overrides]
     expected = "a sequence of (key, value text)"
     try:
         pairs = None if isinstance(overrides, str | bytes | dict) \
@@ -85,7 +87,7 @@ def _pairs(overrides: Any) -> tuple[tuple[str, str], ...]:
     return pairs
 
 
-def _is_pair(pair: tuple[Any, ...]) -> bool:
+def _is_pair(pair: Sequence[Any]) -> bool:
     return len(pair) == 2 and all(isinstance(one, str) for one in pair)
 
 

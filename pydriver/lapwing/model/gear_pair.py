@@ -142,6 +142,7 @@ class GearPair:
         """F per brake torque at the balance T_m = T_l/i12: 1/(i12·J·ω'²), rad/(N·m)."""
         return 1 / (self.gear_ratio * self.torsional_stiffness)
 
+    @arguments.complete()
     def force(self, brake_torque: float, drive_torque: float | None = None) -> float:
         """F = i12·T_l/(J2·ω'²) + T_m/(J1·ω'²), rad; torques in N·m, default T_m = T_l/i12.
 
@@ -215,6 +216,7 @@ class GearPair:
             raise ParameterError("oscillator", problems)
         return result
 
+    @arguments.complete()
     def mesh_frequency(self, pinion_speed_rpm: float | None = None,
                        pinion_speed_rad_s: float | None = None,
                        mesh_frequency_hz: float | None = None) -> float:

@@ -296,6 +296,7 @@ class Oscillator:
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "kept"}
 
+    @arguments.complete()
     def with_force(self, force: float) -> Oscillator:
         """The same oscillator under another mean force F (rad); ParameterError as `Oscillator`."""
         return replace(self, force=force)

@@ -65,12 +65,14 @@ class Branch:
         """Whether each point is stable, array (n,) of bool."""
         return np.array([point.stable for point in self.points])
 
+    @arguments.complete()
     def state(self, point: Point | Special) -> tuple[MotionState, float, float]:
         """Motion state, φ (rad) and φ' (rad per τ) at phase 0, a start for `simulate`."""
         place = point.place
         found = states_at(self.follower.problem, place.layout, place.z, np.zeros(1))
         return MotionState(int(found[0][0])), float(found[1][0]), float(found[2][0])
 
+    @arguments.complete()
     def orbit(self, point: Point | Special) -> Orbit:
         """The motion at a point as `find_orbit` has it, with the engine's own multipliers.
 
@@ -109,11 +111,13 @@ class Branch:
             return None
         return self.follower.point(Place(place.layout, z, place.tangent))
 
+    @arguments.complete()
     def at(self, value: float) -> tuple[Point, ...]:
         """The branch at one value of the parameter: a point for each time that it passes it."""
         found = (self.near(number, value) for number, _ in self.passes(value))
         return tuple(one for one in found if one is not None)
 
+    @arguments.complete()
     def switched(self, special: Special, points: int = 2000,
                  unstable: int | None = None) -> Branch:
         """The branch of twice the period that leaves this one at a period doubling.

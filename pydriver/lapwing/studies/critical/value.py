@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lapwing.base.messages import facts_html
+from lapwing.base.messages import facts_html, nearest
 from lapwing.base.quantities import parameter as spoken
 from lapwing.base.quantities import worded
 
@@ -108,7 +108,10 @@ class CriticalValue:
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__") or name == "data":
             raise AttributeError(name)
-        return getattr(self.data, name)
+        if hasattr(self.data, name):
+            return getattr(self.data, name)
+        known = [*(one.name for one in fields(self)), "why", "attrs", *map(str, self.data)]
+        raise AttributeError(f"a critical value has no {name!r}, {nearest(name, known, 3)}")
 
     def __getitem__(self, name: Any) -> Any:
         return self.data[name]

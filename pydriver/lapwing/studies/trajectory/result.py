@@ -129,6 +129,7 @@ class Run(Shown):
                 "events": self.events.sizes["event"], "cycles": f"{complete.sum()}{part}",
                 "ends in": self.final.motion_state.name.lower(), "method": self.method}
 
+    @arguments.complete()
     def history(self, taus: NDArray[Any]) -> xr.Dataset:
         """State at given times, from the dense output (fifth order in the step with rk4).
 
