@@ -24,9 +24,10 @@ DONE, CLOSE, SOLVED = 1e-14, 1e-8, 1e-11
 ROUNDING = 1e-15
 # Larger systems are solved as sparse ones; up to here LAPACK keeps to one thread, and is faster.
 MOST_DENSE = 180
-# Part of the parameter's scale over which the equations are differenced: error 1e-10 of the
-# derivative, which bears on the speed of Newton's method and on nothing that is located.
-BY_PARAMETER = 1e-5
+# Part of the parameter's scale over which the equations are differenced, in which most are linear:
+# error 1e-6 of the derivative of the others, which bears on the speed of Newton's method and on
+# nothing that is located: a fold is where the other columns alone are singular.
+BY_PARAMETER = 1e-6
 MOST_KEPT = 16
 
 
@@ -104,19 +105,19 @@ class Problem:
 
     def linear(self, layout: Layout, z: NDArray[Any]) -> tuple[Any, Any, Any, Any]:
         """Residual, derivatives by the event before, by each event, and by the parameter."""
-        return *self.by_events(layout, z), self.by_value(layout, z)
+        found, one, two = self.by_events(layout, z)
+        return found, one, two, self.by_value(layout, z, found)
 
     def by_events(self, layout: Layout, z: NDArray[Any]) -> tuple[Any, Any, Any]:
         """Residual, derivatives by the event before and by each event."""
         events, osc, motion = self.at(z)
         return blocks(layout, events, osc, motion, self.scale)
 
-    def by_value(self, layout: Layout, z: NDArray[Any]) -> NDArray[Any]:
-        """Derivative of the residual by the scaled parameter, by differences."""
+    def by_value(self, layout: Layout, z: NDArray[Any], here: NDArray[Any]) -> NDArray[Any]:
+        """Derivative of the residual, which is `here` at z, by the scaled parameter."""
         step = np.zeros(len(z))
         step[-1] = BY_PARAMETER * max(1.0, abs(z[-1]))
-        found: NDArray[Any] = (self.residual(layout, z + step) - self.residual(layout, z - step)) \
-            / (2 * step[-1])
+        found: NDArray[Any] = (self.residual(layout, z + step) - here) / step[-1]
         return found
 
 
@@ -186,7 +187,7 @@ def corrected(problem: Problem, layout: Layout, z: NDArray[Any], row: NDArray[An
         found, one, two = problem.by_events(layout, z)
         # Near the curve it no longer changes.
         if before > 1e-3:
-            by_value = problem.by_value(layout, z)
+            by_value = problem.by_value(layout, z, found)
         if not np.all(np.isfinite(found)):
             raise NotCorrected("not finite")
         step = Bordered(one, two, by_value, row).solve(np.append(-found, 0.0))
@@ -211,7 +212,7 @@ def rounding(problem: Problem, layout: Layout, z: NDArray[Any], row: NDArray[Any
     phase: what a further correction finds of that is more or less by chance.
     """
     found, one, two = problem.by_events(layout, z)
-    by_value = problem.by_value(layout, z)
+    by_value = problem.by_value(layout, z, found)
     bordered = Bordered(one, two, by_value, problem.weights(layout) * row)
     size = max(float(np.max(np.abs(found))), ROUNDING * float(np.max(np.abs(z))))
     last = np.zeros(2 * layout.n + 1)

@@ -38,7 +38,7 @@ class FlankMotion:
             self._rate = order * osc.mesh_frequency_ratio
             self._turn = 2j * math.pi * order
         else:
-            self._coefficients = osc.flank_scale * osc.te.coefficients
+            self._coefficients = _derived(osc.flank_scale * osc.te.coefficients, self.period)
         self._response: Any = None
 
     @property
@@ -82,13 +82,11 @@ class FlankMotion:
             turned = np.exp(np.multiply.outer(np.mod(phase, 1.0), self._turn)) * self._amplitude
             powers = (1j * self._rate[:, None]) ** np.arange(ORDERS)
             return np.ascontiguousarray((turned @ powers).real.T)
-        own, x = self._coefficients[piece % self.pieces], self._offset(phase, piece)
-        found = np.empty((ORDERS, len(x)))
-        for order in range(ORDERS):
-            value = np.zeros(len(x))
-            for k in range(ORDERS - 1, order - 1, -1):
-                value = value * x + own[:, k] * (_FACTORIAL[k] / _FACTORIAL[k - order])
-            found[order] = value / self.period**order
+        own, x = self._coefficients[:, :, piece % self.pieces], self._offset(phase, piece)
+        found: NDArray[Any] = own[-1].copy()
+        for k in range(ORDERS - 2, -1, -1):
+            found *= x
+            found += own[k]
         return found
 
     def bend(self, phase: NDArray[Any], known: NDArray[Any], s: NDArray[Any]) -> NDArray[Any]:
@@ -130,12 +128,13 @@ class FlankMotion:
             x = self._offset(phase, piece) + self.osc.te.knots[own]
         step = np.clip(np.searchsorted(edges, x, side="right") - 1, begin, last)
         width = edges[step + 1] - edges[step]
-        t, own = (x - edges[step]) / width, coefficients[step]
-        value, slope = np.zeros(len(x)), np.zeros(len(x))
-        for k in range(own.shape[1] - 1, -1, -1):
-            slope = slope * t + value
-            value = value * t + own[:, k]
-        return np.array([value, slope / (width * self.period)])
+        t, own = (x - edges[step]) / width, coefficients[:, :, step]
+        found: NDArray[Any] = own[-1].copy()
+        for k in range(len(own) - 2, -1, -1):
+            found *= t
+            found += own[k]
+        found[1] /= width * self.period
+        return found
 
     def _made_response(self) -> Any:
         osc = self.osc
@@ -146,10 +145,26 @@ class FlankMotion:
         if response.free.any():
             raise ValueError("branch: the mesh is too slow against the spring for contact to be "
                              "continued")
-        edges = response.edges
+        edges, coefficients = response.edges, _derived(response.coefficients, 1.0, orders=2)
         if len(osc.te.harmonics):
-            return edges, response.coefficients, None
-        return edges, response.coefficients, np.searchsorted(edges, osc.te.knots)
+            return edges, coefficients, None
+        return edges, coefficients, np.searchsorted(edges, osc.te.knots)
+
+
+def _derived(coefficients: NDArray[Any], unit: float, orders: int = ORDERS) -> NDArray[Any]:
+    """Coefficients of polynomials (pieces, powers) and of their derivatives over a unit.
+
+    Returns
+    -------
+    array (powers, orders, pieces), so that all orders are evaluated at once
+    """
+    pieces, powers = coefficients.shape
+    found = np.zeros((powers, orders, pieces))
+    for order in range(orders):
+        for k in range(order, powers):
+            factor = math.factorial(k) / math.factorial(k - order) / unit**order
+            found[k - order, order] = coefficients[:, k] * factor
+    return found
 
 
 def _sine_less_angle(x: NDArray[Any]) -> NDArray[Any]:
