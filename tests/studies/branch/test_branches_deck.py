@@ -24,7 +24,7 @@ TEXT = f"""
 &scene contact_law = 'rigid', gap = 'one_flank' /
 &sweep name = 'torque', parameter = 'brake_torque', values = 0.5, 0.7, settle_cycles = 300 /
 &branches
-  name = 'torque', values = 0.4, 0.8, 1.2, random_starts = 6, highest_period = 4, doublings = 1
+  name = 'torque', values = 0.4, 0.8, 1.2, random_starts = 12, highest_period = 4, doublings = 1
 /
 """
 
@@ -77,7 +77,7 @@ def test_every_motion_is_told_of(diagram):
     # Those of the deck's sweep, at values of its own, the study's own three, and random ones.
     values = diagram["motion_value"].values
     assert {0.5, 0.7, 0.4, 0.8, 1.2} <= set(values[begun != FoundFrom.END])
-    assert (begun == FoundFrom.RANDOM).sum() == 18
+    assert (begun == FoundFrom.RANDOM).sum() == 36
     counts = {name: int(diagram[f"seed_{name}"].sum()) for name in ("motions", "engaged")}
     looked = begun != FoundFrom.END
     assert counts == {"motions": looked.sum(),
@@ -106,7 +106,7 @@ def test_what_is_said(outcome, diagram):
     assert text.index("## Branches torque") < text.rindex(answer) < text.index("motions looked at")
     assert "a fold: a stable motion meets an unstable one" in text
     assert "none was carried up to it" in text
-    assert "(3/6)" in text and "(3/18)" in text
+    assert "(3/12)" in text and "(3/36)" in text
     head, = [line for line in outcome.headlines if "rattling ends" in line]
     assert f"rattling ends at {digits}" in head
 
@@ -139,3 +139,43 @@ def test_a_branch_needs_two_values(tmp_path):
         path.write_text(TEXT.replace(old, new), encoding="utf-8")
         with pytest.raises(DeckError, match=words):
             load_deck(path)
+
+
+def test_what_is_finished_outlives_an_interrupt(deck, diagram, tmp_path, monkeypatch):
+    """The branches that were followed are read, not followed again; the same numbers in the end."""
+    from lapwing.studies.branch import family
+    from lapwing.studies.of_deck import compute
+
+    whole, followed = family.branch, []
+
+    def stopped_at(number):
+        def branch(*args, **options):
+            followed.append((args[0].cycles, options["value"]))
+            if len(followed) == number:
+                raise KeyboardInterrupt
+            return whole(*args, **options)
+        return branch
+
+    def run():
+        notes = []
+        found = compute(deck, 1, lambda *_: lambda _: None, folder=tmp_path, notes=notes.append,
+                        executor=None)
+        return found, notes
+
+    monkeypatch.setattr(family, "branch", stopped_at(2))
+    stopped, _ = run()
+    assert stopped.interrupted and not stopped.studies["branches"]
+    assert len(list((tmp_path / "branches_torque").glob("shard-*.nc"))) == 1
+    monkeypatch.setattr(family, "branch", stopped_at(0))
+    first, followed[:] = list(followed), []
+    again, notes = run()
+    assert not notes and followed[0] == first[1] and first[0] not in followed
+    found = again.studies["branches"]["torque"]
+    for name, variable in diagram.data_vars.items():
+        assert np.array_equal(variable.values, found[name].values, equal_nan=True), name
+    # One that is damaged is followed again, and that is said.
+    path = min((tmp_path / "branches_torque").glob("shard-*.nc"))
+    path.write_bytes(path.read_bytes()[:-100])
+    followed.clear()
+    again, notes = run()
+    assert followed == first[:1] and len(notes) == 1 and "branch 0" in notes[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,12 +15,17 @@ from lapwing.base.codes import FoundFrom, FoundMotion
 from lapwing.base.threads import checked_threads
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.transmission_error import TransmissionError
+from lapwing.results.shards import read_shard, write_shard
 from lapwing.studies.branch.collection import Collection, Match
 from lapwing.studies.branch.ranges import BEYOND, SLOWLY, stable_ranges
-from lapwing.studies.branch.run import Branch, branch
+from lapwing.studies.branch.run import Branch, branch, follower_of
 from lapwing.studies.branch.seeds import MOST_CYCLES, Motion, Search, find, followed_on
+from lapwing.studies.branch.special import Special
+from lapwing.studies.branch.trace.follower import Follower
+from lapwing.studies.branch.trace.record import recorded, restored
+from lapwing.studies.critical.records import identity
 from lapwing.studies.critical.starts import StartGrid
-from lapwing.studies.orbit import NoOrbit, find_orbit
+from lapwing.studies.orbit import NoOrbit, Orbit, find_orbit
 from lapwing.studies.sweep.varied import parameters
 
 if TYPE_CHECKING:
@@ -148,8 +154,61 @@ def branches(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_t
     return table(request, followed(request, progress))
 
 
-def followed(request: Request, progress: Callable[[float], None] | None = None) -> Found:
+class Kept:
+    """Branches in the order in which they are followed, kept in a folder as soon as each is.
+
+    Which branches there are follows from those before. What is begun again asks for the same ones,
+    and reads what lies there of the same values and the same build.
+
+    Parameters
+    ----------
+    folder : Path, made where missing, or None: nothing is kept
+    notes : callable(text) or None, told of branches that were followed again, and why
+    """
+
+    def __init__(self, folder: Path | None = None,
+                 notes: Callable[[str], object] | None = None) -> None:
+        self._folder, self._notes, self._next = folder, notes or (lambda _: None), 0
+
+    def branch(self, request: Request, value: float, orbit: Orbit) -> Branch:
+        """`run.branch` of a motion at a value, or read."""
+        search, (low, high) = request.search, request.range
+        follower = follower_of(search.oscillator, value, low, high)
+        return self._taken(request, follower, value, orbit.state[1:], lambda: branch(
+            orbit, search.oscillator, value=value, low=low, high=high, points=request.points,
+            unstable=request.unstable))
+
+    def switched(self, request: Request, one: Branch, special: Special) -> Branch:
+        """`Branch.switched` at a period doubling, or read."""
+        return self._taken(
+            request, one.follower, special.value, one.state(special)[1:],
+            lambda: one.switched(special, request.points, request.unstable))
+
+    def _taken(self, request: Request, follower: Follower, value: float,
+               state: tuple[float, float], make: Callable[[], Branch]) -> Branch:
+        if self._folder is None:
+            return make()
+        index, self._next = self._next, self._next + 1
+        told = {"inputs": identity(
+            request.search.oscillator(value), np.array([value, *request.range, *state]),
+            points=request.points, unstable=request.unstable,
+            parameter=request.search.parameter)}
+        shard, why = read_shard(self._folder, index, told)
+        if why:
+            self._notes(f"branch {index} {why}: followed again")
+        if shard is not None:
+            points, specials, positions = restored(shard.data)
+            return Branch(points, specials, positions, points[0].place.layout.cycles, follower)
+        made = make()
+        write_shard(self._folder, index, recorded(made.points, made.specials, made.positions), told)
+        return made
+
+
+def followed(request: Request, progress: Callable[[float], None] | None = None,
+             kept: Kept | None = None) -> Found:
     """Motions looked for, and the branches that they lie on."""
+    keep = kept or Kept()
+
     def told(fraction: float) -> None:
         if progress is not None:
             progress(LOOKING + (1 - LOOKING) * fraction)
@@ -167,12 +226,12 @@ def followed(request: Request, progress: Callable[[float], None] | None = None) 
                 found.on[k] = _on(known, found.motions[k])
             break
         for count, k in enumerate(_spread(seeds)):
-            found.on[k] = _placed(request, known, found.motions[k])
+            found.on[k] = _placed(request, known, found.motions[k], keep)
             told((turn + (count + 1) / (len(seeds) + 1)) / MOST_TURNS)
         for _ in range(request.doublings):
             for one, special in known.doublings(search.highest):
                 try:
-                    known.add(one.switched(special, request.points, request.unstable))
+                    known.add(keep.switched(request, one, special))
                 except (NoOrbit, ArithmeticError):
                     continue
         found.motions += _beyond_ends(search, known, found.motions)
@@ -215,19 +274,17 @@ def _on(known: Collection, motion: Motion) -> Match | None:
     return known.match(motion.value, np.array(motion.state[1:]), motion.cycles)
 
 
-def _placed(request: Request, known: Collection, motion: Motion) -> Match | None:
+def _placed(request: Request, known: Collection, motion: Motion, keep: Kept) -> Match | None:
     """Where a periodic motion lies, on a new branch if on none; None where it begins none."""
     match = _on(known, motion)
     if match is not None:
         return match
-    search, (low, high) = request.search, request.range
     try:
-        orbit = find_orbit(search.oscillator(motion.value), motion.state, motion.cycles)
+        orbit = find_orbit(request.search.oscillator(motion.value), motion.state, motion.cycles)
         exact = Motion(motion.value, motion.kind, motion.begun, orbit.cycles, orbit.state)
         match = _on(known, exact)
         if match is None:
-            known.add(branch(orbit, search.oscillator, value=motion.value, low=low, high=high,
-                             points=request.points, unstable=request.unstable))
+            known.add(keep.branch(request, motion.value, orbit))
             match = _on(known, exact)
     except NoOrbit:
         return None

@@ -191,11 +191,16 @@ def branch(orbit: Orbit, parameter: str | Callable[[float], Oscillator], *, low:
     make, value = _varied(orbit.oscillator, parameter, value)
     if not low <= value <= high:
         raise ValueError(f"the orbit's own value, {value:g}, lies outside of {low:g} to {high:g}")
-    problem = Problem(make, Motions(), make(value).angle_scale, high - low)
+    follower = follower_of(make, value, low, high)
+    return both_ways(follower, *begun(follower.problem, orbit, value), points, unstable)
+
+
+def follower_of(make: Callable[[float], Oscillator], value: float, low: float,
+                high: float) -> Follower:
+    """What follows the branch of a motion at a value; the scales are those of its oscillator."""
     osc = make(value)
     gap = osc.gap_width if math.isfinite(osc.gap_width) else osc.backlash
-    return both_ways(Follower(problem, low, high, gap), *begun(problem, orbit, value), points,
-                     unstable)
+    return Follower(Problem(make, Motions(), osc.angle_scale, high - low), low, high, gap)
 
 
 def begun(problem: Problem, orbit: Orbit, value: float) -> tuple[Any, NDArray[Any]]:

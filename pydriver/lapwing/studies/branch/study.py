@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from lapwing.base.codes import FoundMotion
 from lapwing.engine import Numerics
 from lapwing.studies.branch.diagram import table
-from lapwing.studies.branch.family import Request, followed
+from lapwing.studies.branch.family import Kept, Request, followed
 from lapwing.studies.branch.seeds import Search
 from lapwing.studies.critical.starts import StartGrid
 from lapwing.studies.labels import own_operation
@@ -36,8 +37,14 @@ def failed(dataset: xr.Dataset) -> str:
     return f"branches {{}} ({motions} motions)" * bool(motions)
 
 
+def keeps_shards(_: Asked) -> bool:
+    """It keeps each branch that is finished in a folder, while it is under way."""
+    return True
+
+
 def carry_out(deck: Deck, study: Asked, order: int, threads: int,
-              done: Callable[[float], None] | None,
+              done: Callable[[float], None] | None, folder: Path | None = None,
+              notes: Callable[[str], None] | None = None, executor: object = None,
               found: Mapping[str, Mapping[str, xr.Dataset]] | None = None) -> xr.Dataset:
     """The branches of a deck's motions along one parameter; see `registry`."""
     found = found or {}
@@ -49,7 +56,8 @@ def carry_out(deck: Deck, study: Asked, order: int, threads: int,
                                  if one["status"].dims[1] == study.parameter],
         trials=_trials(deck, study, found.get("critical", {}))),
         study.doublings, study.most_points, study.unstable_points)
-    return table(request, followed(request, done)).assign_attrs(own_operation(deck, study))
+    diagram = table(request, followed(request, done, Kept(folder, notes)))
+    return diagram.assign_attrs(own_operation(deck, study))
 
 
 def _trials(deck: Deck, study: Asked,

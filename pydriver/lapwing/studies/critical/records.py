@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.results.shards import read_shard, write_shard
 from lapwing.studies.critical.starts import Fates, follow
@@ -44,7 +45,8 @@ class Records:
             where the record cannot be written.
         """
         index, self._next = self._next, self._next + 1
-        told = {"inputs": _identity(osc, starts, settle, record, numerics)}
+        told = {"inputs": identity(osc, np.array(starts), settle=settle, record=record,
+                                   numerics=asdict(numerics))}
         shard, why = read_shard(self._folder, index, told)
         if why:
             self._notes(f"trial {index} {why}: made again")
@@ -60,14 +62,13 @@ class Records:
         return fates
 
 
-def _identity(osc: Oscillator, starts: Any, settle: int, record: int, numerics: Numerics) -> str:
-    """SHA-256 of every value that a trial follows from."""
+def identity(osc: Oscillator, numbers: NDArray[Any], **others: Any) -> str:
+    """SHA-256 of every value that a record follows from: an oscillator, numbers, and others."""
     whole = hashlib.sha256(json.dumps({
         **{one.name: getattr(osc, one.name) for one in fields(osc) if one.name != "te"},
-        "settle": settle, "record": record, "numerics": asdict(numerics)},
-        sort_keys=True, default=repr).encode())
+        **others}, sort_keys=True, default=repr).encode())
     te = osc.te
-    for array in (te.knots, te.coefficients, te.kinks, te.harmonics, np.array(starts)):
+    for array in (te.knots, te.coefficients, te.kinks, te.harmonics, numbers):
         whole.update(f"{array.dtype} {array.shape}\0".encode())
         whole.update(np.ascontiguousarray(array).tobytes())
     return whole.hexdigest()
