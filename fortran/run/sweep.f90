@@ -16,7 +16,7 @@ module lapwing_run_sweep
   use lapwing_observers_deviations, only: deviations_of
   use lapwing_observers_motion_class, only: motion_class, class_columns
   use lapwing_observers_records, only: recorder_t, start_recording, start_watching
-  use lapwing_run, only: run_to
+  use lapwing_run, only: run_to, past
   use lapwing_system_start, only: start_of_run
   use lapwing_run_checkpoint, only: pack_blob, unpack_blob, pack_work, work_size
   implicit none
@@ -116,12 +116,22 @@ contains
     type(work_t) :: work
     real(wp) :: final(3, 1)
     integer :: status, error
+    integer(int64) :: until, begun, now
+    until = deadline
     do while (line%stage < stage_done)
+      ! To make a point is most of the work where a table has very many pieces. Beyond a thread's
+      ! first none is made that would be left at once; one that is made has as much time as that.
+      if (allocated(flow) .and. line%stage == stage_start) then
+        if (past(until)) return
+      end if
+      call system_clock(begun)
       call make_point(sweep, sweep%point(line%point), system, flow, made, error)
       if (error /= 0) then
         call give_up(sweep, line)
         return
       end if
+      call system_clock(now)
+      until = max(until, now + (now - begun))
       recorder = sweep%recorder
       if (line%stage == stage_start) then
         call start_point(system, line, blob, state)
@@ -130,7 +140,7 @@ contains
       else
         call unpack_blob(blob, state, recorder%sums, work)
       end if
-      call run_point(sweep, system, flow, line, deadline, state, recorder, work, status, final)
+      call run_point(sweep, system, flow, line, until, state, recorder, work, status, final)
       if (status == status_unfinished) then
         call pack_blob(state, recorder%sums, work, blob)
         return

@@ -526,3 +526,21 @@ def test_a_full_disk_leaves_whole_shards_or_none(room, call, tmp_path, monkeypat
     monkeypatch.undo()
     found = mapped(shard_runs=9, folder=tmp_path, notes=pytest.fail)
     assert dataset_bytes(found) == expected
+
+
+@pytest.mark.parametrize("knots", [20_000, pytest.param(10**6, marks=pytest.mark.full)])
+def test_a_table_of_very_many_pieces_moves_as_the_curve_it_follows(knots, monkeypatch):
+    """Also where to make its oscillator takes longer than a call of the engine is to take."""
+    monkeypatch.setattr(engine.calls, "CALL_SECONDS", 0.0)
+    phase = np.arange(knots) / knots
+    angle = 2 * np.pi * phase
+    table = TransmissionError.from_hermite(phase, 17e-6 * np.cos(angle),
+                                           -2 * np.pi * 17e-6 * np.sin(angle))
+    axes = {"pinion_speed_rpm": [1500.0], "brake_torque": [3.0, 13.0]}
+    found, expected = (parameter_map(PAIR, te, axes, settle=1, record=1) for te in (
+        table, TransmissionError.harmonic([17e-6], [0.0], [1])))
+    for name in ("status", "arrivals", "states_visited"):
+        assert np.array_equal(found[name], expected[name])
+    np.testing.assert_allclose(found["deepest_separation"], expected["deepest_separation"],
+                               rtol=1e-6, atol=1e-15)
+    assert found["deepest_separation"].values[0, 0] > 0

@@ -80,7 +80,8 @@ def test_the_numbers_hang_on_no_cut(start, tmp_path, monkeypatch):
     options = {"axes": {"pinion_speed_rpm": [900.0, 1500.0], "brake_torque": np.linspace(1, 9, 5)},
                "start": start, "line": "brake_torque", "observe": ALL}
     expected = mapped(**options)
-    monkeypatch.setattr(calls, "CALL_SECONDS", 1e-3)
+    # No time at all: each call gets somewhere all the same.
+    monkeypatch.setattr(calls, "CALL_SECONDS", 0.0)
     monkeypatch.setattr(shards, "MAPS", 1)
     found = mapped(**options, shard_runs=2, threads=1, folder=tmp_path)
     assert dataset_bytes(found.drop_attrs()) == dataset_bytes(expected.drop_attrs())
@@ -127,7 +128,7 @@ def test_failed_runs_and_rigid_flanks_have_no_numbers():
     assert np.isfinite(rigid["phi_rms"]).all()
 
 
-@pytest.mark.parametrize("observe", ["rms", ("depth",), ("rms", "rms"), 3])
+@pytest.mark.parametrize("observe", [("depth",), ("rms", "rms"), 3])
 def test_refusals(observe):
     with pytest.raises((TypeError, ValueError), match="observe"):
         mapped(observe=observe)
