@@ -37,7 +37,7 @@ def carry_out(who: str, job: Task, *, folder: str | Path | None, executor: Execu
     Found, and whether Ctrl-C has left some of it open
     """
     estimates.require(job.grid.runs * job.run_bytes, who, "the number of runs")
-    found = Found(job, notes or (lambda _: None))
+    found = Found(job, (lambda _: None) if notes is None else notes)
     return found, gather(who, job, found, folder=folder, executor=executor, threads=threads,
                          progress=progress, notes=notes, keep_interrupted=keep_interrupted)
 
