@@ -6,7 +6,7 @@ within `SAME` of the motion's size of a state of the other. Around each of its s
 ellipse V = (x - x0)ᵀ S (x - x0) ≤ r², and whoever enters it ends there (`goals_of`):
 
 1. M is the tangent map over one period at x0, ρ its spectral radius, ρ' = (1 + ρ)/2. S solves
-   (M/ρ')ᵀ S (M/ρ') - S = -1/size²: in its norm M contracts by ρ' or better.
+   S - (M/ρ')ᵀ S (M/ρ') = 1/size²: in its norm M contracts by ρ' or better.
 2. On rings of radius 1, 1/2, 1/4, …, each of `DIRECTIONS` states, the engine gives the image and
    the tangent map after one period. A ring is good where every image is in the same motion state,
    nearer to x0 by the factor q = (1 + ρ')/2, and every tangent map contracts by q.
@@ -55,6 +55,9 @@ RECORD, OVERLAP = 16384, 0.5
 NEARLY = 1e-3
 LONGEST = 24
 BEYOND = 1e30
+# Terms of a sum are doubled so many times at most; the ratio of an ellipse's axes, squared, up to
+# which it is one; and a multiplier so near to one does not attract in any time that is looked at.
+DOUBLINGS, FLATTEST, NEUTRAL = 50, 1e12, 1e-9
 TABLE = np.dtype([(name, float) for name in ("motion_state", "phi", "phi_dot")])
 
 
@@ -95,7 +98,7 @@ class Motion:
     @property
     def lost(self) -> bool:
         """Whether it is known not to attract what is near."""
-        return bool(np.any(np.abs(self.multipliers) >= 1))
+        return bool(np.any(np.abs(self.multipliers) >= 1 - NEUTRAL))
 
 
 def periodic(osc: Oscillator, cycles: NDArray[Any], outcome: Any) -> Motion:
@@ -204,24 +207,32 @@ def goals_of(osc: Oscillator, motion: Motion, number: int) -> NDArray[Any]:
 
 def _metrics(motion: Motion) -> tuple[NDArray[np.float64], float]:
     """S·size² at each state, and q; without a linear map the plain metric, and NaN."""
-    from scipy.linalg import solve_discrete_lyapunov
-
     plain = np.broadcast_to(np.eye(2), (motion.period, 2, 2))
     if motion.maps is None or not np.all(np.abs(motion.multipliers) < 1):
         return plain, math.nan
-    steps = np.ldexp(motion.maps.matrix, motion.maps.exponent.astype(int)[:, None, None])
-    bound = (1 + float(np.abs(motion.multipliers).max())) / 2
-    metrics = []
-    for k in range(motion.period):
-        total = np.eye(2)
-        for step in (*steps[k:], *steps[:k]):
-            total = step @ total
-        metrics.append(solve_discrete_lyapunov((total / bound).T, np.eye(2)))
-    found = np.array(metrics)
-    # A motion on the brink has no metric that rounding leaves positive.
-    if not np.all(np.isfinite(found)) or np.linalg.eigvalsh(found).min() <= 0:
+    with np.errstate(over="ignore", invalid="ignore"):
+        steps = np.ldexp(motion.maps.matrix, motion.maps.exponent.astype(int)[:, None, None])
+        bound = (1 + float(np.abs(motion.multipliers).max())) / 2
+        totals = np.array([np.eye(2)] * motion.period)
+        for k, total in enumerate(totals):
+            for step in (*steps[k:], *steps[:k]):
+                total[:] = step @ total
+        found = _summed(totals / bound)
+    # What is so flat that rounding decides is no ellipse.
+    if not np.all(np.isfinite(found)) or np.linalg.cond(found).max() > FLATTEST:
         return plain, math.nan
     return (found + found.swapaxes(1, 2)) / 2, (1 + bound) / 2
+
+
+def _summed(a: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The sum over j of (Aᵀ)ʲ Aʲ for each A (n, 2, 2) of spectral radius below 1, by doubling."""
+    found = np.broadcast_to(np.eye(2), a.shape)
+    for _ in range(DOUBLINGS):
+        found = found + a.swapaxes(1, 2) @ found @ a
+        a = a @ a
+        if not np.abs(a).max() > np.finfo(float).eps:
+            break
+    return found
 
 
 def _certain(osc: Oscillator, motion: Motion, scaled: NDArray[np.float64],
