@@ -20,6 +20,7 @@ from lapwing.results.shards import Shard
 from lapwing.studies.attractors.dataset import about
 from lapwing.studies.attractors.search import Search, followed, spread
 from lapwing.studies.attractors.starts import motion_states
+from lapwing.studies.map.grid import Crossings
 from lapwing.studies.map.task import Made, Task
 
 # The states at a mesh phase, and arrivals at either flank.
@@ -33,7 +34,7 @@ KEPT = {"status": np.int8, "motion": np.int16, "ending": np.int8, "cycles": np.i
 
 
 @dataclass(frozen=True, eq=False)
-class Plane:
+class Plane(Crossings):
     """Cells of a plane of starts, counted line by line along the first axis.
 
     Attributes
@@ -52,26 +53,11 @@ class Plane:
     # Nothing is known of a run without moving it (`map.grid.Grid`).
     besides: ClassVar[tuple[str, ...]] = ()
 
-    @property
+    @cached_property
     def order(self) -> tuple[str, ...]:
-        """Axes in the order in which cells are counted, the fastest last."""
+        """See `Crossings`."""
         first, second = self.axes
         return second, first
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Numbers of values in `order`."""
-        return tuple(len(self.axes[name]) for name in self.order)
-
-    @property
-    def runs(self) -> int:
-        """How many cells there are."""
-        return int(np.prod(self.shape, dtype=object))
-
-    @property
-    def length(self) -> int:
-        """Cells of a line."""
-        return self.shape[-1]
 
     def starts(self, cells: NDArray[np.intp]) -> NDArray[np.float64]:
         """Starts (n, 4) in the middles of cells, as the engine takes them."""

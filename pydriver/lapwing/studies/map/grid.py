@@ -19,8 +19,34 @@ from lapwing.model.transmission_error import TransmissionError
 from lapwing.studies.sweep.varied import OF_PAIR, moved_to, points_at
 
 
+class Crossings:
+    """Crossing points of axes, counted line by line: along the last of `order` first."""
+
+    axes: Mapping[str, NDArray[np.float64]]
+
+    @cached_property
+    def order(self) -> tuple[str, ...]:
+        """Axes in the order in which runs are counted, the fastest last."""
+        raise NotImplementedError
+
+    @cached_property
+    def shape(self) -> tuple[int, ...]:
+        """Numbers of values in `order`."""
+        return tuple(len(self.axes[name]) for name in self.order)
+
+    @property
+    def runs(self) -> int:
+        """How many there are."""
+        return int(np.prod(self.shape, dtype=object))
+
+    @property
+    def length(self) -> int:
+        """Runs of a line."""
+        return self.shape[-1]
+
+
 @dataclass(frozen=True, eq=False)
-class Grid:
+class Grid(Crossings):
     """Oscillators at the crossing points of axes.
 
     Runs are counted line by line: along `line`, an axis, first, along the others in their order.
@@ -46,21 +72,6 @@ class Grid:
     def order(self) -> tuple[str, ...]:
         """Axes in the order in which runs are counted, the fastest last."""
         return (*(name for name in self.axes if name != self.line), self.line)
-
-    @cached_property
-    def shape(self) -> tuple[int, ...]:
-        """Numbers of values in `order`."""
-        return tuple(len(self.axes[name]) for name in self.order)
-
-    @property
-    def runs(self) -> int:
-        """How many there are."""
-        return int(np.prod(self.shape, dtype=object))
-
-    @property
-    def length(self) -> int:
-        """Runs of a line."""
-        return self.shape[-1]
 
     def values(self, first: int, stop: int) -> dict[str, NDArray[np.float64]]:
         """Values of each parameter in the runs from `first` up to `stop`."""
