@@ -8,7 +8,7 @@ from lapwing import TransmissionError, attractors, attractors_along, load_deck, 
 from lapwing.plots import figure_of
 from lapwing.plots.attractors.attractor_shares import shows
 from lapwing.plots.attractors.parts import CONTACT
-from lapwing.report.attractors.along import along_text, findings, headline
+from lapwing.report.attractors.along import along_text, findings, headline, rattling_torques
 from lapwing.results import read_results
 from lapwing.studies.cost import stages_of
 
@@ -111,6 +111,9 @@ def test_words(line):
     lost = line.copy(deep=True)
     lost["unresolved"].values[2] = 3
     assert findings(lost)[0].endswith("Of 3 runs the end is not known.")
+    assert max(rattling_torques([line])) == 12.4
+    lost["reached"].values[-2:] = 0
+    assert max(rattling_torques([lost])) == 12.25
     assert "3 runs not resolved" in headline(lost)
 
 

@@ -19,9 +19,9 @@ from lapwing.report.answers import between
 from lapwing.report.answers.besides import besides
 from lapwing.report.answers.evidence import failures, looks, together
 from lapwing.report.answers.source import against_source
-from lapwing.report.attractors.along import findings as along_findings
-from lapwing.report.attractors.basins import choice as basins_choice
-from lapwing.report.attractors.basins import findings as basins_findings
+from lapwing.report.attractors import along
+from lapwing.report.attractors import basins as attractor_basins
+from lapwing.report.attractors.words import choice as attractors_choice
 from lapwing.report.branches import findings as branches_findings
 from lapwing.report.critical import REASONS
 from lapwing.report.ensemble.findings import findings as ensemble_findings
@@ -61,13 +61,16 @@ def findings(responses: Any, criticals: Any, sweeps: Any, missing: Any = (),
     stopped = _stopped([*sweeps, *maps, *ensembles, *basins], missing)
     torque = _Torque(responses, criticals, sweeps)
     said = torque.sentences()
-    answers = [*said, *(basins_choice(basins) if not said else ()),
+    if not said:
+        said = attractors_choice([*along.rattling_torques(lines),
+                                  *attractor_basins.rattling_torques(basins)])
+    answers = [*said,
                *(sentence for one in diagrams for sentence in branches_findings(one)),
                *noise_findings(criticals), *besides(criticals, sweeps),
                *(sentence for one in maps for sentence in map_findings(one)),
                *ensemble_findings(list(ensembles)),
-               *(sentence for one in basins for sentence in basins_findings(one)),
-               *(sentence for one in lines for sentence in along_findings(one))]
+               *(sentence for one in basins for sentence in attractor_basins.findings(one)),
+               *(sentence for one in lines for sentence in along.findings(one))]
     if not answers:
         return [*stopped, "**Nothing is known**: no run has a result."]
     return [*stopped, *answers, *torque.failures()]

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.arrivals import arrivals_in
 from lapwing.report.attractors.words import percent
-from lapwing.report.words import markdown, parameter_unit, parameter_words, plural
+from lapwing.report.words import markdown, parameter_unit, parameter_words, plural, sections
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,8 +23,7 @@ MOST_ROWS = 24
 
 def section(lines: list[xr.Dataset], results: Results) -> list[str]:
     """The summary's part on attractors; see `registry`."""
-    return [line for one in lines
-            for line in ("", f"## Attractors {one.attrs['name']}", "", *along_text(one))]
+    return sections("Attractors", lines, along_text)
 
 
 def headline(data: xr.Dataset) -> str:
@@ -52,7 +53,7 @@ def findings(data: xr.Dataset) -> list[str]:
     said = [f"**Along {words} {_span(values, unit)} up to {plural(most, 'motion')} coexist"
             f"{'' if most > 1 else 's'}** ({_span(at, unit)}), from {runs} random starts at each "
             f"of {plural(values.size, 'value')} (attractors `{data.attrs['name']}`)"]
-    moves = there & (data["deepest_separation"].values[reached] > 0)
+    moves = _rattles(data)[reached]
     rattling = np.nansum(np.where(moves, data["share"].values[reached], 0.0), axis=1)
     last = np.flatnonzero(moves.any(axis=1))
     if last.size:
@@ -66,6 +67,19 @@ def findings(data: xr.Dataset) -> list[str]:
     return ["; ".join(said) + ". A motion that no start led to is not excluded: its share of the "
             f"starts at a value is below {percent(1 - 0.05 ** (1 / runs))}, with 95 % confidence."
             + f" Of {plural(lost, 'run')} the end is not known." * bool(lost)]
+
+
+def rattling_torques(lines: Sequence[xr.Dataset]) -> list[float]:
+    """Braking torques (N·m) at which some start leads to rattling, of lines along it."""
+    return [float(value) for one in lines if one.attrs["parameter"] == "brake_torque"
+            for value in one["brake_torque"].values[_rattles(one).any(axis=1)]]
+
+
+def _rattles(data: xr.Dataset) -> NDArray[np.bool_]:
+    """Which attractors are there at which value (value, attractor), and part."""
+    moves: NDArray[np.bool_] = (data["reached"].values == 1)[:, None] \
+        & (data["period"].values >= 0) & (data["deepest_separation"].values > 0)
+    return moves
 
 
 def _span(values: np.ndarray, unit: str) -> str:

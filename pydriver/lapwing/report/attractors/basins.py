@@ -11,7 +11,7 @@ import numpy as np
 from lapwing.base.arrivals import arrivals_in
 from lapwing.base.codes import Status
 from lapwing.report.attractors.words import attractor_rows, motion_words, percent
-from lapwing.report.words import markdown, parameter_unit, plural, sections
+from lapwing.report.words import markdown, plural, sections
 from lapwing.results.findings import endings
 
 if TYPE_CHECKING:
@@ -53,18 +53,10 @@ def findings(data: xr.Dataset) -> list[str]:
             + f" Of {lost} the end is not known." * bool(lost)]
 
 
-def choice(planes: Sequence[xr.Dataset]) -> list[str]:
-    """The torque that is not enough: the highest at which a start was seen to lead to rattling.
-
-    None where no plane is at one braking torque, or no start leads to rattling.
-    """
-    torques = [float(one.attrs["brake_torque"]) for one in planes if "brake_torque" in one.attrs
-               and ((one["runs_ended"] > 0) & (one["deepest_separation"] > 0)).any()]
-    if not torques:
-        return []
-    return [f"**Choose more than {max(torques):g} {parameter_unit('brake_torque')}; how much more "
-            "is not known**: there some starts still lead to rattling; a search for T_safe "
-            "(&critical, find = 'safe') would say."]
+def rattling_torques(planes: Sequence[xr.Dataset]) -> list[float]:
+    """Braking torques (N·m) of the planes in which some start leads to rattling."""
+    return [float(one.attrs["brake_torque"]) for one in planes if "brake_torque" in one.attrs
+            and ((one["runs_ended"] > 0) & (one["deepest_separation"] > 0)).any()]
 
 
 def _torque(data: xr.Dataset) -> str:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from lapwing.base.arrivals import arrivals_in
 from lapwing.report.ensemble.text import limits
+from lapwing.report.words import parameter_unit
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -19,6 +21,24 @@ def percent(share: float) -> str:
     if 0 < share < 1e-3:
         return "< 0.1 %"
     return "> 99.9 %" if 0.999 < share < 1 else f"{100 * share:.3g} %"
+
+
+def choice(torques: Sequence[float]) -> list[str]:
+    """The torque that is not enough, of those at which some start was seen to lead to rattling.
+
+    Parameters
+    ----------
+    torques : sequence of float, N·m
+
+    Returns
+    -------
+    list of str, a sentence in Markdown; none without a torque
+    """
+    if not torques:
+        return []
+    return [f"**Choose more than {max(torques):g} {parameter_unit('brake_torque')}; how much more "
+            "is not known**: there some starts still lead to rattling; a search for T_safe "
+            "(&critical, find = 'safe') would say."]
 
 
 def motion_words(one: xr.Dataset, data: xr.Dataset) -> str:
