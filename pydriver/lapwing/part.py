@@ -86,7 +86,7 @@ def missing_shards(deck: Deck,
     lapwing.folder.FolderError
         where files lie in the folder that no run wrote.
     """
-    from lapwing.results.shards import read_status
+    from lapwing.studies.map.work import missing_of
     from lapwing.studies.of_deck import jobs_of, shards_of
 
     folder = folder_of(deck.stem, parent)
@@ -96,8 +96,7 @@ def missing_shards(deck: Deck,
     lacking = {}
     for kind, name, job in jobs_of(deck):
         shards = shards_of(folder.with_name(folder.name + SHARDS), kind, name)
-        missing = [index for index in range(job.cut.shards)
-                   if read_status(shards, index, job.told(index)) is None]
+        missing = missing_of(job, shards)
         if missing:
             lacking[f"{kind} {name}"] = missing, job.cut.shards
     return lacking

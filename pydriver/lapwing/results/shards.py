@@ -244,6 +244,21 @@ def read_status(folder: Path, index: int, told: Mapping[str, Any]) -> NDArray[An
 
     Of a shard that is whole and of this study: the rest of its numbers is not looked at.
     """
+    found: NDArray[Any] | None = _looked_at(folder, index, told,
+                                            lambda file: np.array(file["status"][...]))
+    return found
+
+
+def read_digest(folder: Path, index: int, told: Mapping[str, Any]) -> str | None:
+    """`Shard.digest`, by which the next one of a chain names it; None as of `read_status`."""
+    found: str | None = _looked_at(folder, index, told,
+                                   lambda file: _digest(file.getncattr(CHECKSUMS)))
+    return found
+
+
+def _looked_at(folder: Path, index: int, told: Mapping[str, Any],
+               take: Callable[[netCDF4.Dataset], Any]) -> Any:
+    """What is taken from a shard that says of itself what it must; None from another, or none."""
     import netCDF4
 
     path = shard_path(folder, index)
@@ -253,7 +268,7 @@ def read_status(folder: Path, index: int, told: Mapping[str, Any]) -> NDArray[An
             netCDF4.Dataset(path) as file:
         file.set_auto_maskandscale(False)
         if all(str(file.getncattr(name)) == str(value) for name, value in expected.items()):
-            return np.array(file["status"][...])
+            return take(file)
     return None
 
 

@@ -23,7 +23,7 @@ from lapwing.studies.map import shards
 from lapwing.studies.map.cut import Cut, shard_size
 from lapwing.studies.map.observed import KEPT
 from lapwing.studies.map.run import job_of
-from lapwing.studies.map.work import Found
+from lapwing.studies.map.work import Found, missing_of
 from lapwing_bench.scenes import PAIR
 
 TE = TransmissionError.harmonic([17e-6, 4.5e-6, 1.5e-6], [0.0, 1.0, 2.0], [1, 2, 3])
@@ -384,9 +384,14 @@ def test_a_shard_of_another_chain_is_not_taken(tmp_path):
     with netCDF4.Dataset(shard_path(tmp_path, 0), "a") as file:
         file.setncattr("handed", np.array([-1.0, 0.0, 0.0]))
     store_checksums(shard_path(tmp_path, 0))
+    # Which state the third one is to begin with is known when the second is there.
+    job = job_of(PAIR, TE, AXES, line="brake_torque", start="up", settle=SETTLE, record=RECORD,
+                 phase=0.0, numerics=None, shard_runs=4)
+    assert missing_of(job, tmp_path) == [1]
     notes = []
     mapped(**options, notes=notes.append)
     assert notes == [f"shard {i} is of another chain: made again" for i in (1, 2)]
+    assert missing_of(job, tmp_path) == []
     discard_shards(tmp_path)
     assert numbers_of(mapped(**options)) == expected
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_map import AXES, RECORD, SETTLE, TE
 
-from lapwing import Status, open_study, parameter_map
+from lapwing import Draw, Status, ensemble, open_study, parameter_map
 from lapwing.results import DamagedFile
 from lapwing.results.shards import STUDY, discard_shards, shard_path
 from lapwing.studies.map import opened
@@ -103,3 +103,21 @@ def test_chains_are_put_in_place(start, tmp_path):
     for name, variable in expected.data_vars.items():
         assert np.array_equal(found[name].values, variable.values,
                               equal_nan=variable.dtype == float)
+
+
+def test_the_shards_of_an_ensemble_are_its_runs(tmp_path):
+    draws = {"backlash": Draw("uniform", low=1e-3, high=3e-3),
+             "brake_torque": Draw("uniform", low=2.0, high=14.0)}
+    expected = ensemble(PAIR, TE, draws, runs=32, settle=5, record=5, shard_runs=7,
+                        pinion_speed_rpm=1500.0, folder=tmp_path)
+    found = open_study(tmp_path)
+    assert found.sizes == {"run": 32} and found.attrs["shards"] == 5
+    for name in (*draws, "full_engagement", "status", "deepest_separation", "impacts_per_cycle"):
+        assert found[name].attrs == expected[name].attrs
+        assert np.array_equal(found[name].values, expected[name].values, equal_nan=True)
+    shard_path(tmp_path, 1).unlink()
+    found = open_study(tmp_path)
+    lost = np.arange(32) // 7 == 1
+    assert np.array_equal(found["status"].values == Status.UNFINISHED, lost)
+    assert np.array_equal(np.isnan(found["full_engagement"].values), lost)
+    assert float(found["full_engagement"][3]) == float(expected["full_engagement"][3])

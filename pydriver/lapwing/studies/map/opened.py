@@ -1,4 +1,4 @@
-"""The shards of a map as one Dataset that reads them when it is asked for numbers."""
+"""The shards of a map or an ensemble as one Dataset that reads them when asked for numbers."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ HELD, AT_ONCE = 8, 2**20
 
 @arguments.complete()
 def open_study(folder: str | os.PathLike[str]) -> xr.Dataset:
-    """Open the shards of a map, finished or not, as one Dataset that is read when it is used.
+    """Open the shards of a map or an ensemble, finished or not, as a Dataset read when it is used.
 
     Nothing is put together and no file stays open: a million runs or a thousand million are opened
     in the same time. What is asked for is read from the shards it lies in, each checked by its
@@ -36,13 +36,16 @@ def open_study(folder: str | os.PathLike[str]) -> xr.Dataset:
 
     Parameters
     ----------
-    folder : str or path, `results/<deck>.shards/map_<name>`, or the `folder` of `parameter_map`
+    folder : str or path, `results/<deck>.shards/map_<name>` or `ensemble_<name>`, or the `folder`
+        of `parameter_map` or `ensemble`
 
     Returns
     -------
     xarray.Dataset
-        as of `parameter_map`; runs of shards that are not there have status UNFINISHED. Attribute
-        `missing_shards` is how many were not there when it was opened
+        as of `parameter_map`; of an ensemble, over `run`, what is known of each run: values drawn,
+        numbers of a map, full_engagement; runs for sensitivities are the last ones. Runs of shards
+        that are not there have status UNFINISHED. Attribute `missing_shards` is how many were not
+        there when it was opened
 
     Raises
     ------
@@ -58,20 +61,28 @@ def open_study(folder: str | os.PathLike[str]) -> xr.Dataset:
 
     place = Path(arguments.path("folder", folder))
     axes, attrs = read_study(place)
-    if attrs.get("kind") != "map":
-        raise DamagedFile(f"{place} holds no shards of a map")
-    shape = tuple(map(len, axes.values()))
+    kind, dims = attrs.get("kind"), tuple(axes)
+    if kind not in ("map", "ensemble"):
+        raise DamagedFile(f"{place} holds no shards of a map or an ensemble")
+    if kind == "ensemble":  # values of each run, not of axes that cross
+        dims = ("run",)
+        coordinates: dict[str, Any] = {name: (dims, values) for name, values in axes.items()}
+        axes = {"run": next(iter(axes.values()))}
+    else:
+        coordinates = dict(axes)
     store = _Store(place, attrs, axes)
-    variables = {name: xr.Variable(tuple(axes), _lazy(_Numbers(store, name, shape)))
+    shape = tuple(map(len, axes.values()))
+    variables = {name: xr.Variable(dims, _lazy(_Numbers(store, name, shape)))
                  for name in (*store.kept, *RATES)}
     missing = store.shards - len([i for i in shards_in(place) if i < store.shards])
     said = {name: value for name, value in attrs.items() if name not in _OF_THE_FILE}
-    return worded(xr.Dataset(variables, dict(axes), {
+    return worded(xr.Dataset(variables, coordinates, {
         **said, "shards": store.shards, "missing_shards": missing,
         "interrupted": int(missing > 0)}))
 
 
-_OF_THE_FILE = ("Conventions", "title", "shard_format", "checksums", "order", "kind", "inputs")
+_OF_THE_FILE = ("Conventions", "title", "shard_format", "checksums", "order", "kind", "inputs",
+                "besides")
 
 
 class _Store:
@@ -81,7 +92,8 @@ class _Store:
         self.folder = folder
         self._inputs, self._engine = attrs["inputs"], attrs["engine_sha256"]
         self.record = int(attrs["record"])
-        self.kept = kept(str(attrs["observe"]).split())
+        self.kept = kept(str(attrs.get("observe", "")).split()) | dict.fromkeys(
+            str(attrs.get("besides", "")).split(), float)
         self._cut = Cut(math.prod(map(len, axes.values())), int(attrs["shard_runs"]),
                         len(axes[attrs["line"]]), attrs["start"])
         self.shards = self._cut.shards

@@ -93,7 +93,7 @@ class Task:
         """Say in a folder what its shards are parts of."""
         write_study(folder, self.grid.axes, {
             "kind": self.grid.kind, "inputs": self.identity, "order": " ".join(self.grid.order),
-            **self.about})
+            "besides": " ".join(self.grid.besides), **self.about})
 
 
 __all__ = ["Dropped", "Made", "Task"]

@@ -17,7 +17,7 @@ from lapwing.base import arguments, estimates
 from lapwing.base.codes import Status
 from lapwing.base.threads import checked_threads, usable_threads
 from lapwing.results.provenance import processor
-from lapwing.results.shards import Shard, read_shard, write_shard
+from lapwing.results.shards import Shard, read_digest, read_shard, write_shard
 from lapwing.studies.map.observed import RATES, rate_of
 from lapwing.studies.map.shards import Job, make_shard
 from lapwing.studies.map.task import Task
@@ -90,6 +90,24 @@ def make_part(job: Task, folder: Path, part: int, parts: int, threads: int,
                for index in job.cut.chain(chain)]
     made = _Work(job, folder, found, progress, indices).carry_out(None, threads)
     return made, len(indices) - made
+
+
+def missing_of(job: Task, folder: Path) -> list[int]:
+    """Shards of a study that do not lie in a folder, or are not of it, in their order.
+
+    A shard of a chain that goes on from another state than the one before hands over is not of it.
+    Numbers are not looked at: whoever puts shards together checks them.
+    """
+    missing = []
+    for chain in range(job.cut.chains):
+        before: Shard | None = None
+        for index in job.cut.chain(chain):
+            digest = read_digest(folder, index, job.told(index, before))
+            if digest is None:
+                missing.append(index)
+            # Behind one that is missing it is not known which state is right.
+            before = None if digest is None else Shard({}, "", digest)
+    return missing
 
 
 class Found:
