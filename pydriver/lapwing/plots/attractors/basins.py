@@ -29,6 +29,11 @@ def shows(data: xr.Dataset) -> bool:
     return bool((data["attractor_of_run"].values > 0).any())
 
 
+def leads(data: xr.Dataset) -> float:
+    """How much of the deck's question it answers: rattling at the highest torque tells most."""
+    return float(data.attrs.get("brake_torque", 0.0))
+
+
 @style.house_style()
 def draw(data: xr.Dataset, gear_pair: dict[str, float] | None = None, *,
          title: str = "") -> Figure:
