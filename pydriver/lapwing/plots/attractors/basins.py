@@ -113,11 +113,12 @@ def _points(axis: Axes, data: xr.Dataset, of_each: list[str]) -> list[Any]:
         if not inside.any():
             continue
         drawn = True
+        # Of an aperiodic motion dots, black on its own colour.
         few = int(one["period"]) > 0
-        axis.plot(x[inside], y[inside], linestyle="none", marker="o" if few else ".",
-                  markersize=6.5 if few else 1.5, markerfacecolor=colour,
-                  markeredgecolor="black" if few else colour, markeredgewidth=1.2 if few else 0,
-                  rasterized=not few)
+        axis.plot(x[inside], y[inside], linestyle="none", marker="o",
+                  markersize=6.5 if few else 0.9, rasterized=not few,
+                  markerfacecolor=colour if few else style.BLACK, markeredgecolor=style.BLACK,
+                  markeredgewidth=1.2 * few)
     axis.set_xlim(*limits[0])
     axis.set_ylim(*limits[1])
     return [Line2D([], [], linestyle="none", marker="o", markersize=6.5, markerfacecolor="white",

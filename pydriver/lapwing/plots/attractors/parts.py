@@ -34,9 +34,9 @@ def name_of(data: xr.Dataset, number: int) -> str:
     if float(one["deepest_separation"]) == 0:
         return "contact kept"
     period = f"period {int(one['period'])}" if int(one["period"]) else "no period"
-    word = arrivals_in(data.attrs).word
-    return (f"{period}, {float(one['impacts_per_cycle']):.3g} {word}s a cycle, "
-            f"{style.URAD * float(one['deepest_separation']):.3g} µrad deep")
+    rate, word = float(one["impacts_per_cycle"]), arrivals_in(data.attrs).word
+    depth = float(f"{style.URAD * float(one['deepest_separation']):.3g}")
+    return f"{period}, {rate:.3g} {word}{'s' * (rate != 1)} a cycle, {depth:g} µrad deep"
 
 
 def percent(share: float) -> str:

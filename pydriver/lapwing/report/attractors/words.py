@@ -45,12 +45,13 @@ def motion_words(one: xr.Dataset, data: xr.Dataset) -> str:
     """An attractor in a sentence: what it does."""
     if float(one["deepest_separation"]) == 0:
         return "lasting contact"
-    word = arrivals_in(data.attrs).word
+    rate, word = float(one["impacts_per_cycle"]), arrivals_in(data.attrs).word
+    depth = float(f"{1e6 * float(one['deepest_separation']):.3g}")
     period = f"rattling of period {int(one['period'])}" if int(one["period"]) \
         else "rattling without a period"
     struck = f", back {word}s" * (float(one["back_impacts_per_cycle"]) > 0)
-    return (f"{period} with {float(one['impacts_per_cycle']):.3g} {word}s a cycle, "
-            f"{1e6 * float(one['deepest_separation']):.3g} µrad deep{struck}")
+    return (f"{period} with {rate:.3g} {word}{'s' * (rate != 1)} a cycle, {depth:g} µrad "
+            f"deep{struck}")
 
 
 def attractor_rows(data: xr.Dataset) -> list[tuple[str, ...]]:
