@@ -160,8 +160,9 @@ class _System:
         # Distance over s along one flank, distance over the period to the other.
         lean = sign * (h[0, i] + (h[1, i] + begun) * s + 0.5 * force * s * s - h[0, j])
         lean = lean / np.where(same, s, self.period)
-        close = np.flatnonzero(same & (self.layout.piece[i] == self.layout.piece[j])
-                               & (s < 0.5 * self.period))
+        # The first event follows on the last one of the repetition before.
+        piece = self.layout.piece[i] - np.where(j == 0, self.motion.pieces * self.layout.cycles, 0)
+        close = np.flatnonzero(same & (piece == self.layout.piece[j]) & (s < 0.5 * self.period))
         if len(close):
             a, t = i[close], s[close]
             moves = self.osc.back_flank_te | (self.layout.flank[a] == 1)

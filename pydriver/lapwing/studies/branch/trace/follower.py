@@ -35,6 +35,8 @@ from lapwing.studies.branch.motion.witness import (
 )
 from lapwing.studies.branch.special import Kind, Outcome, Point, Special
 
+# The parameter nearly turns where it moves slower than this part of its rate at either side.
+NEARLY = 0.3
 # A monitor function that is larger where it changes its sign jumps there.
 NOT_ZERO = 1e-5
 
@@ -222,10 +224,40 @@ class Follower:
 
     def between(self, before: Point, ahead: Place) -> list[Special]:
         """Smooth special points between two places of one curve, in their order."""
-        weights = self.problem.weights(ahead.layout)
-        length = float((weights * before.place.tangent) @ (ahead.z - before.place.z))
-        met = self.smooth(before, self.point(ahead), length)
-        return [special for _, special in sorted(met, key=lambda one: one[0])]
+        specials, here = [], before
+        for place in (*self._slowest(before.place, ahead), ahead):
+            there = self.point(place)
+            met = self.smooth(here, there, self._along(here.place, place))
+            specials += [special for _, special in sorted(met, key=lambda one: one[0])]
+            here = there
+        return specials
+
+    def _slowest(self, place: Place, ahead: Place, halvings: int = 8) -> list[Place]:
+        """Places between two at which the parameter moves slowest: two folds may lie about one.
+
+        By the cubic with the parameter and its direction at both; where that nearly turns, the
+        curve itself is looked at.
+        """
+        length = self._along(place, ahead)
+        row = self.problem.weights(place.layout) * place.tangent
+        if place.layout is not ahead.layout or not length > 0 or not halvings:
+            return []
+        first, last = float(place.tangent[-1]), float(ahead.tangent[-1] / (row @ ahead.tangent))
+        mean = float(ahead.z[-1] - place.z[-1]) / length
+        bend = 3 * (first + last) - 6 * mean
+        at = (2 * first + last - 3 * mean) / bend if bend else 0.0
+        slow = first - bend * at * at
+        if first * last <= 0 or not 0 < at < 1 \
+                or slow * math.copysign(1.0, first) > NEARLY * min(abs(first), abs(last)):
+            return []
+        try:
+            middle = self.ahead(place, at * length)[0]
+        except NotCorrected:
+            return []
+        if middle.tangent[-1] * first <= 0:
+            return [middle]
+        return [*self._slowest(place, middle, halvings - 1), middle,
+                *self._slowest(middle, ahead, halvings - 1)]
 
     def at_limit(self, place: Place, value: float) -> Place:
         """The curve at the end of the range that a value lies beyond, near a place."""
