@@ -30,6 +30,7 @@ class AttractorsKeys(EndKeys, ValueKeys, StudyKeys):
     """In what random starts end, along a parameter."""
 
     title = "in which motions random starts end, along one parameter; any number of them"
+    chosen = ("from", "to", "count")
     exclusive = (("values", "from"),)
     default_rtol = 1e-8
 
