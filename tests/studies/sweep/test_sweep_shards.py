@@ -14,7 +14,7 @@ from lapwing.part import missing_shards, run_part
 from lapwing.results import read_results
 from lapwing.results.shards import shard_path, shards_in
 from lapwing.run import run_deck
-from lapwing.studies.map import cut
+from lapwing.studies.map import cut, work
 from lapwing.studies.map.cut import Cut, Cuts
 from lapwing.studies.map.work import gather
 from lapwing.studies.of_deck import jobs_of
@@ -85,6 +85,16 @@ def test_what_is_lost_is_made_again_and_nothing_else(expected, tmp_path):
     notes.clear()
     swept(job(settle=13), tmp_path, notes=notes.append)
     assert len(notes) == 9 and all("is of another study" in note for note in notes)
+
+
+def test_chains_are_begun_before_shards_that_wait_for_none(monkeypatch):
+    """One thread: a chain goes on as soon as it can, then the other, then what begins at rest."""
+    begun, carried_out = [], SweepJob.carried_out
+    monkeypatch.setattr(work, "AHEAD", 0)
+    monkeypatch.setattr(SweepJob, "carried_out", lambda self, index, *rest: (
+        begun.append(index), carried_out(self, index, *rest))[1])
+    swept(job(observe=("cycles",)), threads=1)
+    assert begun == [3, 4, 5, 6, 7, 8, 0, 1, 2]
 
 
 def test_what_is_finished_when_a_signal_comes_is_kept(expected, tmp_path):

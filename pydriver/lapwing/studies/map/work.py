@@ -187,8 +187,9 @@ class _Work:
     def _hand_out(self, submit: Callable[[int], Future[Any]], left: list[int],
                   most: int) -> None:
         """Keep an executor busy, and take what it has finished."""
-        # Of a chain, a shard is ready when the one before it is there.
-        ready = deque(index for index in left if self._may_begin(index))
+        # Of a chain, a shard is ready when the one before it is there. Chains come first, then
+        # large shards, so that none is waited for at the end.
+        ready = deque(sorted((index for index in left if self._may_begin(index)), key=self._turn))
         waiting = set(left).difference(ready)
         under_way: dict[Future[Any], int] = {}
         while ready or under_way:
@@ -202,13 +203,18 @@ class _Work:
                     self._take(future, index)
                     if index + 1 in waiting and self.job.cut.before(index + 1) == index:
                         waiting.remove(index + 1)
-                        ready.append(index + 1)
+                        ready.appendleft(index + 1)
             except BaseException:
                 self._stop.set()
                 for future in under_way:
                     future.cancel()
                 self._take_finished(under_way)
                 raise
+
+    def _turn(self, index: int) -> tuple[bool, int]:
+        """What a shard is sorted by that is ready."""
+        first, stop = self.job.cut.place(index)
+        return not self.job.cut.is_chained(index), first - stop
 
     def _take_finished(self, under_way: dict[Future[Any], int]) -> None:
         """After an interruption: what is finished counts."""
