@@ -4,7 +4,8 @@
     cycle of a sample is `sample_cycle`; `cycle` is a dimension alone.  Impacts of a sweep are one
     list, a contiguous ragged array (CF 9.3.3) whose count is `kept_impacts`; `time` is a
     coordinate.  A sweep without claims has no variables of claims.  The first such files have no
-    `flight_depth` of events: it is read as NaN, not known.
+    `flight_depth` of events: it is read as NaN, not known; and their motions without a period are
+    `aperiodic`, not `no period`.
 1   Impacts were padded, (start, parameter, impact); strings were NC_STRING.
 0   Version 0.1: as 1, without a version, checksums and interruptions.
 """
@@ -35,6 +36,12 @@ def as_of_today(dataset: xr.Dataset, version: int) -> xr.Dataset:
         units, long_name = DESCRIPTIONS["flight_depth"]
         dataset["flight_depth"] = ("event", np.full(dataset.sizes["event"], np.nan),
                                    {"long_name": long_name, "units": units})
+    if "motion_class" in dataset:
+        dataset["motion_class"] = dataset["motion_class"].copy(
+            data=np.vectorize(_class_of_today, otypes=[object])(dataset["motion_class"].values))
+    for name in ("motion_class", "motion_class_reference"):
+        if name in dataset.attrs:
+            dataset.attrs[name] = _class_of_today(dataset.attrs[name])
     if version >= SCHEMA_VERSION:
         return dataset
     with dataset:
@@ -45,6 +52,11 @@ def as_of_today(dataset: xr.Dataset, version: int) -> xr.Dataset:
     if "impact_phase" in dataset and dataset["impact_phase"].ndim == 3:
         dataset = _listed(dataset)
     return dataset
+
+
+def _class_of_today(text: str) -> str:
+    """A motion class, as the first files spelled it or not."""
+    return {"aperiodic": "no period", "aperiodic c": "no period (complete chatter)"}.get(text, text)
 
 
 def _listed(dataset: xr.Dataset) -> xr.Dataset:

@@ -32,6 +32,7 @@ class AttractorsKeys(EndKeys, ValueKeys, StudyKeys):
     title = "in which motions random starts end, along one parameter; any number of them"
     chosen = ("from", "to", "count")
     exclusive = (("values", "from"),)
+    chosen = ("from", "to", "count")
     default_rtol = 1e-8
 
     name: str = key(text="names its figure and its part of the summary; letters, digits, . _ -",
