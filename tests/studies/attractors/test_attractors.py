@@ -312,3 +312,11 @@ def test_motions_that_lose_nothing_are_no_attractors():
     found = attractors(osc, [[-2.0, 0.5], [-3.0, 0.0], [-1.0, 1.0]], most_cycles=20, threads=1)
     assert not np.any(found.period > 0)
     assert np.all(found.ending != Ending.CERTAIN)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("fast", [1e10, 1e70])
+def test_a_flight_that_outlasts_the_record_is_no_attractor(fast):
+    """Nothing comes back within the cycles that are looked at, and no number overflows."""
+    found = attractors(scene_c(1.8, gap="one_flank"), [[-1e-4, -fast]], threads=1)
+    assert (found.attractor.size, found.unresolved) == (0, 1)

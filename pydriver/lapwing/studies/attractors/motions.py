@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -50,6 +50,8 @@ NEAR = 0.1
 # Mesh cycles by which an aperiodic motion is known, and the part of them that must lie in the
 # cells of another for both to be one.
 RECORD, OVERLAP = 16384, 0.5
+# The part of its second half that must lie in the cells of the first.
+RECURRENT = 0.9
 # A motion without a period that comes this near to itself, part of its size, may be on its slow way
 # to a periodic one.
 NEARLY = 1e-3
@@ -308,8 +310,9 @@ def cells_of(motions: Sequence[Motion],
         return Known().cells, Known().box
     every = np.concatenate(list(paths.values()))
     low, high = every.min(axis=0), every.max(axis=0)
-    # A margin of two cells, in which neighbours of the outermost ones lie.
-    margin = 2 * np.maximum(high - low, np.finfo(float).tiny) / (resolution - 4)
+    # A margin of two cells, in which neighbours of the outermost ones lie; a width, also of a point.
+    width = np.maximum(high - low, 1e-9 * np.maximum(np.abs(low), np.abs(high)) + 1e-300)
+    margin = 2 * width / (resolution - 4)
     low, high = low - margin, high + margin
     cells = np.zeros((resolution, resolution), np.intc)
     for number, path in paths.items():
@@ -318,6 +321,16 @@ def cells_of(motions: Sequence[Motion],
         visited = binary_dilation(visited, np.ones((3, 3), bool))
         cells[visited] = np.where(cells[visited] == 0, number, -1)
     return cells, np.array([low[0], high[0], low[1], high[1]])
+
+
+def recurs(motion: Motion, resolution: int) -> bool:
+    """Whether the second half of an aperiodic motion's record lies where its first half was.
+
+    A flight that is longer than the record comes back to nothing.
+    """
+    half = len(motion.states) // 2
+    cells, box = cells_of([replace(motion, states=motion.states[:half])], resolution)
+    return inside(cells, box, motion.states[half:], 1) >= RECURRENT
 
 
 def inside(cells: NDArray[np.intc], box: NDArray[np.float64], states: NDArray[np.float64],
@@ -329,4 +342,5 @@ def inside(cells: NDArray[np.intc], box: NDArray[np.float64], states: NDArray[np
     return float(np.count_nonzero((found == number) | (found < 0)) / len(states))
 
 
-__all__ = ["Motion", "aperiodic", "cells_of", "goals_of", "inside", "nearly_periodic", "periodic"]
+__all__ = ["Motion", "aperiodic", "cells_of", "goals_of", "inside", "nearly_periodic", "periodic",
+           "recurs"]

@@ -37,6 +37,7 @@ from lapwing.studies.attractors.motions import (
     inside,
     nearly_periodic,
     periodic,
+    recurs,
 )
 from lapwing.studies.map.task import Dropped
 
@@ -205,6 +206,8 @@ class Search:
         if same:
             return same
         if not motion.period:
+            if not recurs(motion, self.resolution):
+                return 0
             for number, one in enumerate(self.motions, 1):
                 if not one.period and inside(*self._cells, motion.states, number) >= OVERLAP:
                     return number
