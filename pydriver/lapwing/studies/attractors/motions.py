@@ -310,7 +310,7 @@ def cells_of(motions: Sequence[Motion],
         return Known().cells, Known().box
     every = np.concatenate(list(paths.values()))
     low, high = every.min(axis=0), every.max(axis=0)
-    # A margin of two cells, in which neighbours of the outermost ones lie; a width, also of a point.
+    # A margin of two cells, for neighbours of the outermost ones; a width, also of a point.
     width = np.maximum(high - low, 1e-9 * np.maximum(np.abs(low), np.abs(high)) + 1e-300)
     margin = 2 * width / (resolution - 4)
     low, high = low - margin, high + margin
