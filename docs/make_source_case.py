@@ -9,13 +9,12 @@ import textwrap
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
-from make_gallery import DPI, shrunk
+from make_gallery import shrunk
 
-from lapwing.base.codes import BranchOutcome, SearchStage, SpecialPoint
+from lapwing.base.codes import BranchOutcome, FoundMotion, SearchStage, SpecialPoint
 from lapwing.base.messages import decimals
-from lapwing.plots import style
 from lapwing.plots.critical_marks import label_of
+from lapwing.report.branches import EVENTS, exactly
 from lapwing.results import read_results
 
 DOCS = Path(__file__).parent
@@ -23,7 +22,8 @@ RESULTS = Path(sys.argv[1] if len(sys.argv) > 1 else "results")
 TORQUES = ("0.8", "1.8", "3.3", "5.5", "12")
 FIGURES = {"back": "critical_25x32/critical_search_T_back",
            "safe": "critical_25x32/critical_search_T_safe",
-           "depth": "lapping_25x32/deepest_separation_torque"}
+           "depth": "lapping_25x32/deepest_separation_torque",
+           "branches": "branches_25x32/bifurcation_torque"}
 
 
 def motion(attrs):
@@ -107,37 +107,27 @@ def of_steps(torques, count, resolved):
 
 
 def of_branches(diagram):
-    """Stable ranges of the motions that rattle above T_full, and what ends the last of them."""
-    low, high = (diagram[f"range_{end}"].values for end in ("low", "high"))
-    merged = []
-    for k in np.argsort(low):
-        if merged and low[k] <= merged[-1][1] + 1e-5:  # the digits that are told
-            merged[-1][1] = max(merged[-1][1], high[k])
-        else:
-            merged.append([low[k], high[k]])
-    last = int(np.argmax(high))
-    kind = SpecialPoint(int(diagram["range_high_kind"][last]))
-    torque = diagram["seed_value"].values
-    rattling = torque[(diagram["seed_engaged"] < diagram["seed_motions"]).values]
-    if not low[last] <= rattling.max() <= high[last]:
-        raise SystemExit("the last torque with rattling lies off the last stable range")
-    before = rattling[rattling < low[last]].max()
-    hole = torque[(torque > before) & (torque < rattling[rattling > before].min())]
-    words = {SpecialPoint.FOLD: "a fold", SpecialPoint.REBOUND: "a rebound that passes zero",
-             SpecialPoint.PERIOD_DOUBLING: "a period doubling"}
+    """Where rattling was found above T_full, what ends it, and where it dies that is raised."""
+    low, high = (diagram[f"rattling_{end}"].values for end in ("low", "high"))
+    end, attrs = diagram.isel(rattling=-1), diagram.attrs
     kinds = diagram["special_kind"].values
     stops = (diagram["special_outcome"].values == BranchOutcome.ENDS) & ~np.isin(
-        kinds, (SpecialPoint.LIMIT, SpecialPoint.PERIOD_DOUBLING, SpecialPoint.CLOSED))
+        kinds, (SpecialPoint.LIMIT, SpecialPoint.PERIOD_DOUBLING, SpecialPoint.CLOSED,
+                SpecialPoint.POINTS))
+    motions = diagram["motion_kind"].values
     return {"branches.ends": f"{stops.sum()}",
             "branches.rebounds": f"{np.sum(kinds[stops] == SpecialPoint.REBOUND)}",
-            "branches.ranges": listed([f"{a:.5f} to {b:.5f}" for a, b in merged]),
-            "branches.end": f"{high[last]:.10f}",
-            "branches.end.kind": words.get(kind, kind.name.lower().replace("_", " ")),
-            "branches.motions": f"{int(diagram['seed_motions'].sum()):,}",
-            "branches.seeds": f"{len(torque)}", "branches.low": f"{torque[0]:g}",
-            "branches.high": f"{torque[-1]:g}", "branches.hole.from": f"{hole[0]:g}",
-            "branches.hole.to": f"{hole[-1]:g}", "branches.dies.low": f"{before:g}",
-            "branches.dies.high": f"{hole[0]:g}"}
+            "branches.intervals": listed([f"{a:.6f} to {b:.6f}" for a, b in
+                                          zip(low, high, strict=True)]),
+            "branches.end": exactly(float(end["rattling_high"]), float(end["rattling_high_error"])),
+            "branches.end.kind": EVENTS[SpecialPoint(int(end["rattling_high_kind"]))],
+            "branches.dies": exactly(attrs["dies"], attrs["dies_error"]),
+            "branches.dies.kind": EVENTS[SpecialPoint[attrs["dies_kind"].upper()]],
+            "branches.motions": f"{len(motions):,}",
+            "branches.periodic": f"{int((motions == FoundMotion.PERIODIC).sum()):,}",
+            "branches.aperiodic": f"{int((motions == FoundMotion.APERIODIC).sum()):,}",
+            "branches.count": f"{int(diagram['branch'].max())}",
+            "branches.low": f"{attrs['low']:g}", "branches.high": f"{attrs['high']:g}"}
 
 
 def of_searches(results):
@@ -175,8 +165,8 @@ def short(results, name):
 def values():
     """Everything the template asks for."""
     found = {}
-    with xr.open_dataset(RESULTS / "branches_25x32.nc") as diagram:
-        found |= of_branches(diagram)
+    with read_results(RESULTS / "branches_25x32" / "result.nc") as results:
+        found |= of_branches(results.study("branches", "torque"))
     with read_results(RESULTS / "lapping_25x32" / "result.nc") as results:
         found |= of_responses("abs", results) | of_sweep(results.sweep("torque"))
     with read_results(RESULTS / "lapping_25x32_relative" / "result.nc") as results:
@@ -202,17 +192,6 @@ def wrapped(text):
     return "\n\n".join(blocks) + "\n"
 
 
-def draw_branches(target):
-    """The bifurcation diagram, for a page."""
-    before, style.DPI = style.DPI, DPI
-    try:
-        with xr.open_dataset(RESULTS / "branches_25x32.nc") as diagram:
-            style.save(diagram.load().lapwing.bifurcation(
-                title="25 × 32 teeth: motions that repeat and rattle above T_full"), target)
-    finally:
-        style.DPI = before
-
-
 def main():
     """Fill the template; a name it does not find stops everything."""
     found = values()
@@ -223,7 +202,6 @@ def main():
         deck, _, stem = source.partition("/")
         shrunk(stem, RESULTS / deck / "result.nc",
                DOCS / "images" / "source_case" / f"{name}.png")
-    draw_branches(DOCS / "images" / "source_case" / "branches.png")
 
 
 if __name__ == "__main__":

@@ -141,9 +141,9 @@ class _Intervals:
         return self.pieces
 
     def _join(self) -> None:
-        """Those that overlap, or touch within a bracket, become one."""
+        """Those that overlap become one, and those between which nothing was looked at."""
         joined: list[tuple[End, End]] = []
-        near = BRACKET * (self.top - float(self.search.values[0]))
+        near = 2 * BEYOND * (self.top - float(self.search.values[0]))
         for low, high in sorted(self.pieces):
             if joined and low.value <= joined[-1][1].value + near:
                 joined[-1] = (joined[-1][0], max(joined[-1][1], high))
