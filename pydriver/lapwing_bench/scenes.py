@@ -44,7 +44,7 @@ class BenchScene:
     swept: tuple = (TORQUES[0], TORQUES[-1])
 
     def oscillator(self, torque):
-        """The dimensionless oscillator at one brake torque (N·m)."""
+        """The dimensionless oscillator at one braking torque (N·m)."""
         return PAIR.oscillator(self.te, brake_torque=torque,
                                mesh_frequency_hz=self.mesh_frequency_hz,
                                contact_law=self.contact_law, impact_law=self.impact_law)

@@ -20,6 +20,7 @@ from helpers import PAIR, SHIPPED
 from lapwing import MotionState, Status
 from lapwing.base.codes import SearchStage
 from lapwing.base.messages import at_least, at_most
+from lapwing.report.answers.conditions import Conditions
 from lapwing.report.answers.findings import findings, findings_in, findings_lines, on_console
 from lapwing.report.words import bands
 
@@ -29,10 +30,10 @@ SEARCHES = ("safe", "all_safe", "all_unsafe", "back", "no_back", "all_back")
 NOTHING = "**Nothing is known**: no run has a result."
 
 
-def told(responses=(), criticals=(), sweeps=(), missing=()):
+def told(responses=(), criticals=(), sweeps=(), missing=(), **more):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        said = findings(responses, criticals, sweeps, missing)
+        said = findings(responses, criticals, sweeps, missing, **more)
     assert not re.search(r"\b(nan|inf|None)\b", " ".join(said))
     return said
 
@@ -133,7 +134,7 @@ def test_findings_of_a_search_rest_on_its_motions(damaged, name, damage):
     check(said, list(trials(data)))
     if damage is nothing_known:
         assert said == [NOTHING]
-    if "(T_safe)" in " ".join(said):
+    if "T_safe: from there on" in " ".join(said):
         assert data.attrs["outcome"] == "found" and data["trial_rattling"].values.any()
 
 
@@ -165,12 +166,53 @@ def test_studies_are_taken_together(sweeps, searches):
     assert re.search(r"From 11\.92 N·m contact can be kept, but need not be\*\* \(T_full.*from "
                      r"there to 12\.3\d* N·m rattling", text)
     # The recommendation is the first sentence, and the only one; what its symbols mean follows.
-    assert said[0].startswith("**Choose at least 12.5 N·m** (T_safe) and a margin: with 10 % more "
-                              "transmission error it would be 13.8 N·m; ")
-    assert "(T_safe: above it none" in said[0] and "; T_back: back impacts" in said[0]
+    assert said[0].startswith(
+        "**Choose at least 12.5 N·m on the gear** (impact law `absolute`; T_safe: from there on "
+        "none of the motions tried rattles); with 10 % more transmission error it is 13.8 N·m. ")
+    assert "last seen at 0.7 N·m (T_back): none" in text
+    assert "(T_full, in closed form for this transmission error and speed: only above it" in text
     assert len(re.findall("choose", text, re.IGNORECASE)) == 1
     # Between 0.7 and the last rattling: in between, not "where the teeth part".
     assert "**In between**, each from rest: at 1.8 N·m 3 impacts per mesh cycle and 609.7" in text
+
+
+def test_the_choice_names_the_speed_and_limits_are_told_as_times(sweeps, searches):
+    speed = Conditions.of({"pinion_speed_rpm": 240.0, "brake_torque": 3.0}, 25)
+    assert speed == ("at a pinion speed of 240 rpm", 100.0)
+    said = told(criticals=[searches["safe"], searches["back"]], conditions=speed)
+    assert said[0].startswith("**Choose at least 12.5 N·m on the gear** (at a pinion speed of 240 "
+                              "rpm, impact law `absolute`; T_safe")
+    cycles, seconds = re.search(r"once in ([\d,]+) mesh cycles \(([\d.]+) s\)",
+                                " ".join(said)).groups()
+    assert float(seconds) == pytest.approx(float(cycles.replace(",", "")) / 100, rel=0.05)
+    # A sweep at a speed of its own: that of the deck is not told of it.
+    other = sweeps["torque"].assign_attrs(own_operation=1)
+    assert "240 rpm" not in " ".join(told(sweeps=[other], conditions=speed))
+
+
+@pytest.mark.parametrize(("operation", "words", "frequency"), [
+    ({"mesh_frequency_hz": 50.0}, "at a mesh frequency of 50 Hz", 50),
+    ({"pinion_speed_rad_s": 2 * np.pi}, "at a pinion speed of 6.28319 rad/s", 25), ({}, "", None)])
+def test_the_speed_is_told_as_it_was_given(operation, words, frequency):
+    said = Conditions.of(operation, 25)
+    assert said.speed == words
+    assert said.time(100) == (f" ({100 / frequency:g} s)" if frequency else "")
+    assert said.words({"contact_law": "compliant", "impact_law": "relative"}) == words
+
+
+def test_responses_alone_give_no_advice(responses):
+    alone = responses["periodic"].assign_attrs(full_engagement=11.9167454)
+    said = told([alone])
+    assert said[0].startswith("**This run does not say which torque keeps contact**; a torque "
+                              "below T_full = 11.92 N·m on the gear surely does not (impact law")
+    assert "Choose" not in " ".join(said) and "From 11.92" not in " ".join(said)
+    drifting = alone.assign_attrs(
+        mean_acceleration=4.0, mean_speed_first=50 * np.pi, mean_speed_last=51 * np.pi, name="d")
+    said = told([drifting])
+    assert said[0].startswith("**The pinion does not keep its speed at 1.8 N·m on the gear**: the "
+                              "torques are not in balance, and the mean speed goes from 1500 to "
+                              "1530 rpm in the ")
+    assert said[1].startswith("**This run does not say")
 
 
 def test_a_sweep_that_rattles_above_the_search_moves_the_choice(sweeps, searches):
@@ -199,7 +241,7 @@ def test_starts_are_named_only_where_they_were_at_every_value(sweeps):
 
 def test_a_search_that_only_failed_below_knows_no_last_separation(searches):
     said = " ".join(told(criticals=[unsafe_ones_failed(searches["safe"])]))
-    assert "Separation** was seen" not in said and "(T_safe)" not in said
+    assert "Separation** was seen" not in said and "T_safe: from" not in said
     assert "the lowest torque searched" in said
 
 

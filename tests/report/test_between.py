@@ -1,5 +1,7 @@
 """What happens in between is told by motions that stand for many; so is what a source reports."""
 
+import re
+
 import numpy as np
 import pytest
 from test_hysteresis import BOUNCING, ENGAGED, made_up
@@ -70,11 +72,18 @@ def test_what_a_source_reports_is_compared():
               response(12.0, 0.0, 0, claim_deepest_separation=0.0), response(13.0, 0.0, 0)]
     assert against_source(claims, 12.41, "12.41") == (
         "**Against the source**: impacts per mesh cycle as reported at 1.8 and 5.5 N·m; 4 impacts "
-        "per mesh cycle at 3.3 N·m where 5 are reported; separation within 3 % of the reported at "
-        "1.8 and 3.3 N·m; 237 µrad at 5.5 N·m where 170 are reported (+39 %); no separation at 12 "
-        "N·m as reported, but from rest only: other motions rattle up to 12.41 N·m.")
+        "per mesh cycle at 3.3 N·m where 5 are reported; separation within 3.2 % of the reported "
+        "at 1.8 and 3.3 N·m; 237 µrad at 5.5 N·m where 170 are reported (+39 %); no separation at "
+        "12 N·m as reported, but from rest only: other motions rattle up to 12.41 N·m.")
     assert "12 N·m as reported (from rest)." in against_source(claims, None, "")
     parted = [claims[3].assign_attrs(deepest_separation=4e-5)]
     assert against_source(parted, 12.41, "12.41").endswith(
         ": 40 µrad of separation at 12 N·m where none is reported.")
     assert against_source([claims[4], claims[0].assign_attrs(status=3)], None, "") == ""
+
+
+@pytest.mark.parametrize("depth", [609.66, 610, 614.25, 629.99, 632.1, 660])
+def test_the_bound_told_of_a_depth_holds(depth):
+    said = against_source([response(1.8, 3.0, depth, claim_deepest_separation=630e-6)], None, "")
+    told = float(re.search(r"within ([\d.]+) % of the reported", said)[1])
+    assert told - 0.1 < 100 * abs(depth / 630 - 1) <= told + 1e-9

@@ -42,7 +42,7 @@ def test_full_engagement(full):
     said = text(full)
     assert "**T_full = 11.9167454367 N·m** (closed form, to rounding)" in said
     assert "0.951456732" in said and "Other motions may rattle" in said
-    assert ("| n0 | contact can be kept above | brake torque (N·m) | 11.9167454367 | rounding |"
+    assert ("| n0 | contact can be kept above | braking torque (N·m) | 11.9167454367 | rounding |"
             in said)
     assert headline(full) == "contact can be kept above T_full = 11.9167454367 N·m"
 

@@ -68,7 +68,7 @@ def test_a_whole_map_in_words(plane):
     seen = plane["brake_torque"].values[map_rattles(plane).values.any(axis=0)].max()
     kept = 100 * (1 - map_rattles(plane).values.mean())
     assert f"contact was kept in {kept:.3g} %** of 48 runs from rest" in said
-    assert f"separation seen up to brake torque {seen:g} N·m" in said and "may hold" not in said
+    assert f"separation seen up to braking torque {seen:g} N·m" in said and "may hold" not in said
     assert "none of 48 failed" in text and "T_full (N·m)" in text
     assert text.count("| 8 of 8 |") == 6
     assert headline(plane).startswith("48 of 48 runs have a result, over pinion speed and brake")
@@ -86,7 +86,7 @@ def test_what_is_missing_is_said_and_judges_nothing(plane, status):
     assert ("24 of 48 failed" in text) == (status != Status.UNFINISHED)
     assert text.count("| 4 of 8 |") == 6
     last = plane["brake_torque"].values[3]
-    assert f"up to brake torque {last:g}" in said and "(the last one looked at)" not in said
+    assert f"up to braking torque {last:g}" in said and "(the last one looked at)" not in said
 
 
     share = 100 * map_rattles(data).values[:, :4].mean()
@@ -99,12 +99,12 @@ def test_rest_on_the_coast_flank_is_no_separation():
         name="p", x_parameter="pinion_speed_rpm", y_parameter="brake_torque")
     assert not data["deepest_separation"].values.any() and map_rattles(data).values.all()
     text, (said,) = "\n".join(map_text(data)), findings(data)
-    assert "Over pinion speed 300 rpm and brake torque -14 to -9 N·m" in said
+    assert "Over pinion speed 300 rpm and braking torque -14 to -9 N·m" in said
     assert "drive flank contact was kept in 0 %** of 2 runs" in said
     assert "no separation seen; no back impacts seen" in said
     assert "| 300 | none | none |" in text
     (alone,) = findings(data.isel(brake_torque=[0]))
-    assert "brake torque -14 N·m" in alone and "of 1 run from rest" in alone
+    assert "braking torque -14 N·m" in alone and "of 1 run from rest" in alone
 
 
 def test_a_map_says_by_what_to_choose(plane):
@@ -263,7 +263,7 @@ def test_what_was_asked_for_besides_is_told_where_it_is_known(plane):
     peak = plane["mesh_force_peak"]
     place = peak.where(peak == peak.max(), drop=True)
     assert (f"to {float(peak.max()):.4g} N, the largest at pinion speed "
-            f"{float(place['pinion_speed_rpm'][0]):g} rpm and brake torque "
+            f"{float(place['pinion_speed_rpm'][0]):g} rpm and braking torque "
             f"{float(place['brake_torque'][0]):g} N·m") in text
     share = 100 * float(plane["engagement_share"].mean())
     assert f"{share:.3g} % in engagement" in text

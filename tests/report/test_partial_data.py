@@ -97,7 +97,7 @@ def test_rattling_above_complete_engagement_is_said_with_its_start(sweeps):
 def test_without_restitution_arrivals_are_engagements_everywhere(sweeps):
     data = sweeps["compliant"]
     said = "\n".join(sweep_text(data))
-    assert "impacts per cycle" not in said and "| brake torque (N·m) | engagements per" in said
+    assert "impacts per cycle" not in said and "| braking torque (N·m) | engagements per" in said
     assert "engagements are counted: every one" in said
     assert "1:(0,0), " not in said
     for module in ("orbit_diagram", "staircase"):

@@ -119,7 +119,7 @@ def test_a_failed_response_says_so(text):
 
 def test_sweep(text):
     findings = text.split("## Sweep torque")[1]
-    assert "brake torque from 11.5 to 12.7 N·m: 13 values × 3 starts" in findings
+    assert "braking torque from 11.5 to 12.7 N·m: 13 values × 3 starts" in findings
     assert "none of 39 failed" in findings
     assert ("last back impact seen: none at 13 values from 11.5 to 12.7 N·m (each from rest, "
             "carried upwards, carried downwards)") in findings
@@ -138,7 +138,7 @@ def test_sweep(text):
 def test_a_sweep_has_a_table_of_at_most_twelve_values(text):
     table = [line for line in text.split("Some of the motions, each from rest")[1].splitlines()
              if line.startswith("|")]
-    assert table[0].startswith("| brake torque (N·m) | impacts per cycle |")
+    assert table[0].startswith("| braking torque (N·m) | impacts per cycle |")
     assert len(table) == 2 + 12
     assert table[2].startswith("| 11.5 |") and table[-1] == "| 12.7 | 0 | 0 | 1 | 0 |"
 

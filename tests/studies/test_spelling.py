@@ -33,7 +33,7 @@ CALLS = {
     "oscillator": (lambda: PAIR.oscillator(SHIPPED, torque=1.8, pinion_rpm=240),
                    ["'torque' is unknown, did you mean .*'brake_torque'",
                     r"'pinion_rpm' is unknown, did you mean 'pinion_speed_rpm'\?",
-                    "brake_torque is missing, expected: brake torque on the gear, N·m",
+                    "brake_torque is missing, expected: braking torque on the gear, N·m",
                     "one of pinion_speed_rpm, .* is missing"]),
     "sweep": (lambda: lapwing.sweep(PAIR, SHIPPED, torque=[1.0], pinion_speed_rpm=240),
               ["'torque' is unknown, did you mean .*'brake_torque'", "values is missing$"]),
@@ -47,7 +47,7 @@ CALLS = {
     "a map of speeds": (
         lambda: lapwing.parameter_map(PAIR, SHIPPED, {
             "backlash": [1e-3], "pinion_speed_rpm": [240.0]}),
-        ["oscillator: brake_torque is missing, expected: brake torque on the gear, N·m$"]),
+        ["oscillator: brake_torque is missing, expected: braking torque on the gear, N·m$"]),
     "find_orbit": (lambda: lapwing.find_orbit(scene_a(3.3), torqe=1),
                    ["find_orbit: 'torqe' is unknown, known are osc, start, cycles, settle"]),
     "by position": (lambda: lapwing.sweep(PAIR, SHIPPED, [1.0], pinion_speed_rpm=240),

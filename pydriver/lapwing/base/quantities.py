@@ -46,7 +46,7 @@ class Parameter(NamedTuple):
 
 # Every number that a sweep may vary. The only table of their units.
 PARAMETERS = {
-    "brake_torque": Parameter("N m", "N·m", "brake torque", "brake torque on the gear"),
+    "brake_torque": Parameter("N m", "N·m", "braking torque", "braking torque on the gear"),
     "drive_torque": Parameter("N m", "N·m", "drive torque", "drive torque on the pinion"),
     "pinion_speed_rpm": Parameter("rpm", "rpm", "pinion speed", "pinion speed"),
     "pinion_speed_rad_s": Parameter("rad/s", "rad/s", "pinion speed", "pinion speed"),

@@ -139,7 +139,7 @@ class GearPair:
 
     @property
     def force_per_torque(self) -> float:
-        """F per brake torque at the balance T_m = T_l/i12: 1/(i12·J·ω'²), rad/(N·m)."""
+        """F per braking torque at the balance T_m = T_l/i12: 1/(i12·J·ω'²), rad/(N·m)."""
         return 1 / (self.gear_ratio * self.torsional_stiffness)
 
     @arguments.complete()

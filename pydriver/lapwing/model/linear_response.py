@@ -162,7 +162,7 @@ def critical_force(osc: Oscillator) -> CriticalForce:
 
 @arguments.complete()
 def critical_torque(osc: Oscillator) -> tuple[float, float]:
-    """Smallest brake torque (N·m, drive torque in balance) of complete engagement, and phase.
+    """Smallest braking torque (N·m, drive torque in balance) of complete engagement, and phase.
 
     Parameters
     ----------

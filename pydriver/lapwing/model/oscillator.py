@@ -41,7 +41,7 @@ class Scales:
     Parameters
     ----------
     natural_frequency : float, rad/s; τ = natural_frequency · t
-    force_per_torque : float, rad/(N·m); F per unit of brake torque at balanced drive torque
+    force_per_torque : float, rad/(N·m); F per unit of braking torque at balanced drive torque
     """
 
     natural_frequency: float

@@ -10,11 +10,16 @@ from numpy.typing import NDArray
 
 from lapwing.base import quantities
 from lapwing.base.arrivals import arrivals_in
-from lapwing.base.messages import at_least, decimals
+from lapwing.base.messages import at_least, at_most, decimals
 from lapwing.plots import style
 from lapwing.plots.layout import ABOVE
 from lapwing.plots.sweep import parts as sweep_parts
-from lapwing.results.findings import SYMBOLS, known, search_bounded, search_known
+from lapwing.results.findings import (
+    SYMBOLS,
+    known,
+    search_bounded,
+    search_known,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -55,10 +60,10 @@ def marks_of(criticals: list[xr.Dataset], parameter: str) -> list[Mark]:
             continue
         low, high = sorted(bracket(attrs)) if search_bounded(one) else (attrs["clean"],) * 2
         side = "above" if attrs.get("safe_end", "high") == "high" else "below"
-        words = {"safe": f"no rattling seen {side}", "on": f"a resting rigid tooth stays {side}",
-                 "full": f"the engaged motion keeps contact {side}"}
+        words = {"on": f": a resting rigid tooth stays {side}",
+                 "full": f": the engaged motion keeps contact {side}"}
         label = f"T_back: back impacts {label_of(one)}" if attrs["find"] == "back" else \
-            f"{label_of(one)}: {words[attrs['find']]}"
+            label_of(one) + words.get(str(attrs["find"]), "")
         marks.append(Mark(str(attrs["find"]), float(low), float(high), label))
     return sorted(marks, key=lambda mark: mark.low)
 
@@ -85,6 +90,13 @@ def label_of(critical: xr.Dataset) -> str:
     unit = sweep_parts.unit_of(attrs["parameter"])
     if attrs["find"] == "back":
         return f"last seen at {attrs['last_seen']:g}, none at {attrs['first_clean']:g} {unit}"
+    if attrs["find"] == "safe" and "low" not in attrs:
+        # The report tells the two ends by the same rule.
+        ends = (at_most, at_least) if attrs["safe_end"] == "high" else (at_least, at_most)
+        step = abs(attrs["clean"] - attrs["rattling"])
+        on = " on" if attrs["safe_end"] == "high" else " down"
+        return (f"{name}: rattling seen at {ends[0](attrs['rattling'], step)}, none from "
+                f"{ends[1](attrs['clean'], step)} {unit}".rstrip() + on)
     noise = f" ({attrs['low']:.3g} to {attrs['high']:.3g}, 95 %)" if "low" in attrs else ""
     if attrs["bar"] > 0:
         number = " ± ".join(decimals(attrs["estimate"], attrs["bar"]))
@@ -93,13 +105,15 @@ def label_of(critical: xr.Dataset) -> str:
     return f"{name} = {number} {unit}".rstrip() + noise
 
 
-def full_mark(sweep: xr.Dataset, given: float | None = None) -> Mark | None:
+def full_mark(sweep: xr.Dataset, given: float | None = None,
+              searched: bool = False) -> Mark | None:
     """T_full of a sweep and what rattles above it; None where it is not known or not in range.
 
     Parameters
     ----------
     sweep : xarray.Dataset
     given : float or None, its value; default: as stored with the sweep
+    searched : bool, whether a search says what rattles above, which then is not said again
     """
     value, x = sweep_parts.full_engagement_of(sweep, given), _values_of(sweep)
     if value is None or not x[0] <= value <= x[-1]:
@@ -111,7 +125,7 @@ def full_mark(sweep: xr.Dataset, given: float | None = None) -> Mark | None:
     low, high = ends if len(ends) == 2 else (value, value)
     unit = sweep_parts.unit_of(sweep_parts.parameter_of(sweep))
     return Mark("full", low, high, f"T_full = {number} {unit}: the engaged motion keeps contact "
-                f"above; {sweep_parts.beyond(sweep, value)}")
+                "above" + f"; {sweep_parts.beyond(sweep, value)}" * (not searched))
 
 
 def back_mark(sweep: xr.Dataset) -> Mark | None:
@@ -144,8 +158,9 @@ def mark_sweep(axes: Any, sweep: xr.Dataset, full_engagement: float | None, mark
     marks : sequence of Mark
     color : of all lines, or None: each its own
     """
-    own = {mark.find: mark for mark in (full_mark(sweep, full_engagement), back_mark(sweep))
-           if mark is not None}
+    searched = any(mark.find == "safe" for mark in marks)
+    own = {mark.find: mark for mark in (full_mark(sweep, full_engagement, searched),
+                                        back_mark(sweep)) if mark is not None}
     if any(mark.find == "back" for mark in marks):  # a search looks longer
         own.pop("back", None)
     others = [mark for mark in marks if not (mark.find == "full" and "full" in own)]

@@ -58,7 +58,7 @@ def headline(response: xr.Dataset) -> str:
 def _table(responses: list[dict[str, Any]]) -> list[str]:
     """One line for each response, the source's claim beside it."""
     claimed = any(_claim(one) for one in responses)
-    rows = [("response", "brake torque (N·m)", "motion", f"{_arrivals(responses)} per cycle, "
+    rows = [("response", "braking torque (N·m)", "motion", f"{_arrivals(responses)} per cycle, "
              "drive / coast",
              "deepest separation (µrad)", "contact", "mesh force, mean / peak (N)",
              "impact energy (mJ per cycle)", *["source"] * claimed)]

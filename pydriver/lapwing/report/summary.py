@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from lapwing.base.registry import carried_out, summarised
+from lapwing.report.answers.conditions import Conditions
 from lapwing.report.answers.findings import findings, findings_lines
 from lapwing.report.measured import curve_sentences
 
@@ -37,7 +38,9 @@ def summary_text(results: Results, figures: Sequence[str] = ()) -> str:
              *findings_lines(findings(
                  *studies_in(results), results.missing,
                  *(_all(results, kind) for kind in ("map", "ensemble", "branches", "basins",
-                                                    "attractors")))), "",
+                                                    "attractors")),
+                 conditions=Conditions.of(results.operation, float(results.gear_pair.get(
+                     "pinion_teeth", math.nan))))), "",
              *_gear(results)]
     for study, datasets in found.items():
         part = study.part("report")

@@ -8,6 +8,7 @@ here needs the engine.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Hashable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -236,6 +237,17 @@ class Results(Shown):
         asked = [tuple(line.split(" ", 1))
                  for line in str(self.attrs.get("studies", "")).splitlines()]
         return tuple((kind, name) for kind, name in asked if name not in self.studies[kind])
+
+    @property
+    def operation(self) -> dict[str, float]:
+        """What the deck gives to all its studies: torques in N·m, speed as it was given.
+
+        Empty where the file does not tell; keys as in the deck's &operation.
+        """
+        used = str(self.attrs.get("used_deck", ""))
+        group = re.search(r"^&operation$(.*?)^/$", used, re.M | re.S)
+        return {key: float(value) for key, value in re.findall(
+            r"^\s*(\w+) = ([-+.\deE]+)\b", group[1] if group else "", re.M)}
 
     def study(self, kind: str, name: str) -> xr.Dataset:
         """Dataset of one study, read on demand."""

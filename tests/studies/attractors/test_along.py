@@ -102,7 +102,7 @@ def test_what_was_not_reached_is_said(line):
 
 def test_words(line):
     (sentence,) = findings(line)
-    assert sentence.startswith("**Along brake torque 12.1 to 12.5 N·m up to ")
+    assert sentence.startswith("**Along braking torque 12.1 to 12.5 N·m up to ")
     assert "the last value at which separation was found is 12.4 N·m" in sentence
     # 1 - 0.05^(1/64)
     assert "below 4.57 %, with 95 % confidence" in sentence

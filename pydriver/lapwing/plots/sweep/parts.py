@@ -34,7 +34,7 @@ LETTERS = 105
 # What the heading of a sweep without a name tells of its operation.
 OPERATION = ("brake_torque", "pinion_speed_rpm", "pinion_speed_rad_s", "mesh_frequency_hz")
 # Words on an axis where they are others than a sentence takes.
-AXIS_WORDS = {"brake_torque": "braking torque", "restitution": "coefficient of restitution"}
+AXIS_WORDS = {"restitution": "coefficient of restitution"}
 
 # Free part of the range at either end, so that the points there are whole.
 MARGIN = 0.008

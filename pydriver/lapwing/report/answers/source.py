@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from lapwing.report.words import parameter_unit
@@ -69,6 +70,8 @@ def _depths(claims: list[dict[str, Any]], last_rattling: float | None,
         else:
             parts.append(f"{here:.4g} µrad at {_at([one])} where {there:.4g} are reported "
                          f"({100 * (here / there - 1):+.0f} %)")
-    close = [f"separation within {100 * max(part for _, part in off.values()):.1g} % of the "
-             f"reported at {_at([one for one, _ in off.values()])}"] if off else []
+    # A bound is rounded up, but for the rounding of the quotient.
+    bound = math.ceil(1e3 * max((part for _, part in off.values()), default=0) - 1e-9) / 10
+    close = [f"separation within {bound:g} % of the reported at "
+             f"{_at([one for one, _ in off.values()])}"] if off else []
     return close + parts
