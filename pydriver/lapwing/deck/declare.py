@@ -148,6 +148,22 @@ class StudyKeys(Group):
         return 0, 0
 
 
+class AlongKeys(ValueKeys, StudyKeys):
+    """The keys of a study along the values of one parameter."""
+
+    exclusive = (("values", "from"),)
+    chosen = ("from", "to", "count")
+
+    def used(self, asked: Asked) -> dict[str, Any]:
+        """See `StudyKeys`: of listed values no spacing."""
+        return super().used(asked) | ({"spacing": None} if self.values is not None else {})
+
+    def canonical(self, values: dict[str, Any], asked: Asked) -> dict[str, Any]:
+        """See `StudyKeys`: the ranges written out."""
+        values = {name: value for name, value in values.items() if name not in RANGES}
+        return values | {"values": asked.values.tolist(), "parameter": asked.parameter}
+
+
 def fields(group: Any) -> dict[str, Any]:
     """Key -> field of a group by the deck's spelling; what names a study stands first."""
     first = (name for name in ("name", "find", "parameter") if name in group.model_fields)

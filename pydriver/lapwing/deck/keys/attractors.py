@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from lapwing.deck.checks.ranges import range_values
 from lapwing.deck.deck import Asked
 from lapwing.deck.declare import (
     NAME_PATTERN,
-    RANGES,
-    StudyKeys,
-    ValueKeys,
+    AlongKeys,
     figures_key,
     figures_of,
     key,
@@ -26,13 +24,10 @@ if TYPE_CHECKING:
 ENTRY_BYTES, FEW = 1800, 8
 
 
-class AttractorsKeys(EndKeys, ValueKeys, StudyKeys):
+class AttractorsKeys(EndKeys, AlongKeys):
     """In what random starts end, along a parameter."""
 
     title = "in which motions random starts end, along one parameter; any number of them"
-    chosen = ("from", "to", "count")
-    exclusive = (("values", "from"),)
-    chosen = ("from", "to", "count")
     default_rtol = 1e-8
 
     name: str = key(text="names its figure and its part of the summary; letters, digits, . _ -",
@@ -67,15 +62,6 @@ class AttractorsKeys(EndKeys, ValueKeys, StudyKeys):
         self.check_laws(reader, builder.report, operation)
         return Asked("attractors", self, operation, builder.rtol(reader),
                      {"parameter": name, "group": group, "values": values})
-
-    def used(self, asked: Asked) -> dict[str, Any]:
-        """See `StudyKeys`."""
-        return super().used(asked) | ({"spacing": None} if self.values is not None else {})
-
-    def canonical(self, values: dict[str, Any], asked: Asked) -> dict[str, Any]:
-        """See `StudyKeys`: the range written out."""
-        values = {name: value for name, value in values.items() if name not in RANGES}
-        return values | {"values": asked.values.tolist(), "parameter": asked.parameter}
 
     def memory(self, asked: Asked) -> tuple[int, str]:
         """See `StudyKeys`."""

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from lapwing.base import estimates
 from lapwing.deck.checks.ranges import range_values
 from lapwing.deck.deck import Asked
 from lapwing.deck.declare import (
     NAME_PATTERN,
-    RANGES,
-    StudyKeys,
-    ValueKeys,
+    AlongKeys,
     figures_key,
     figures_of,
     key,
@@ -23,12 +21,10 @@ if TYPE_CHECKING:
     from lapwing.deck.load import _GroupReader
 
 
-class BranchesKeys(ValueKeys, StudyKeys):
+class BranchesKeys(AlongKeys):
     """Periodic motions followed along one parameter, stable or not."""
 
     title = "periodic motions followed along one parameter; any number of them"
-    chosen: ClassVar[tuple[str, ...]] = ("from", "to", "count")
-    exclusive: ClassVar[tuple[Any, ...]] = (("values", "from"),)
     default_rtol: ClassVar[float] = 1e-8
 
     name: str = key(text="names its figure and its part of the summary; letters, digits, . _ -",
@@ -77,15 +73,6 @@ class BranchesKeys(ValueKeys, StudyKeys):
         builder.check_ends(reader, {name: (group, values)}, operation)
         return Asked("branches", self, operation, builder.rtol(reader),
                      {"parameter": name, "group": group, "values": values})
-
-    def used(self, asked: Asked) -> dict[str, Any]:
-        """See `StudyKeys`."""
-        return super().used(asked) | ({"spacing": None} if self.values is not None else {})
-
-    def canonical(self, values: dict[str, Any], asked: Asked) -> dict[str, Any]:
-        """See `StudyKeys`: the range written out."""
-        values = {name: value for name, value in values.items() if name not in RANGES}
-        return values | {"values": asked.values.tolist(), "parameter": asked.parameter}
 
     def memory(self, asked: Asked) -> tuple[int, str]:
         """See `StudyKeys`: of the sweep that motions are looked for with."""

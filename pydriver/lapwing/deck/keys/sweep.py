@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from lapwing.base import estimates
 from lapwing.deck.checks.magnitudes import warn_of_order, warn_of_torques
@@ -10,9 +10,7 @@ from lapwing.deck.checks.ranges import range_values
 from lapwing.deck.deck import Asked
 from lapwing.deck.declare import (
     NAME_PATTERN,
-    RANGES,
-    StudyKeys,
-    ValueKeys,
+    AlongKeys,
     figures_key,
     figures_of,
     key,
@@ -24,12 +22,10 @@ if TYPE_CHECKING:
     from lapwing.deck.load import _GroupReader
 
 
-class SweepKeys(ValueKeys, StudyKeys):
+class SweepKeys(AlongKeys):
     """One parameter over a range of values."""
 
     title = "one parameter over a range of values; any number of them"
-    chosen = ("from", "to", "count")
-    exclusive = (("values", "from"),)
 
     name: str = key(text="names its figures and its part of the summary; letters, digits, . _ -",
                     example="torque", pattern=NAME_PATTERN, max_length=64)
@@ -76,16 +72,6 @@ class SweepKeys(ValueKeys, StudyKeys):
             warn_of_torques(reader, builder.pair, operation, values, report)
         return Asked("sweep", self, operation, builder.rtol(reader),
                      {"parameter": name, "group": group, "values": values, "starts": starts})
-
-    def used(self, asked: Asked) -> dict[str, Any]:
-        """See `StudyKeys`."""
-        return super().used(asked) | ({"spacing": None} if self.values is not None else {})
-
-    def canonical(self, values: dict[str, Any], asked: Asked) -> dict[str, Any]:
-        """See `StudyKeys`: the range written out."""
-        values = {name: value for name, value in values.items() if name not in RANGES}
-        return values | {"values": asked.values.tolist(), "starts": list(asked.starts),
-                         "parameter": asked.parameter}
 
     def memory(self, asked: Asked) -> tuple[int, str]:
         """See `StudyKeys`."""
