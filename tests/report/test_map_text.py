@@ -133,7 +133,7 @@ def test_a_map_says_by_what_to_choose(plane):
     assert findings(quiet)[0].startswith(f"**Choose at least {torque[6]:.6g} N·m**")
     assert "none of 2 runs from rest rattles" in findings(quiet)[-1]
     lacking = lost(quiet, Status.UNFINISHED, (0, 1))
-    assert findings(lacking)[0].startswith("**Which torque to choose is not answered**")
+    assert findings(lacking)[0].startswith("**Which torque to choose map `plane` does not answer**")
 
 
 @pytest.mark.parametrize("status", [Status.UNFINISHED, Status.STEP_TOO_SMALL])

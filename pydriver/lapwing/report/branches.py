@@ -110,11 +110,17 @@ def branches_text(data: xr.Dataset) -> list[str]:
     rows = _intervals(data)
     lines += [f"- {_extent(data)}", f"- {_searched(data)}", f"- {_missed(data)}"]
     if rows:
-        unit = parameter_unit(data.attrs["parameter"])
-        lines += ["", *markdown([(f"rattling from ({unit})", "begins with", f"to ({unit})",
+        unit = _unit_shown(data)
+        lines += ["", *markdown([(f"rattling from{unit}", "begins with", f"to{unit}",
                                   "ends with"), *(_row(*row) for row in rows)])]
     ranges = _ranges(data)
     return lines + (["", *ranges] if ranges else [])
+
+
+def _unit_shown(data: xr.Dataset) -> str:
+    """The unit in a table's heading; nothing of a bare number."""
+    unit = parameter_unit(data.attrs["parameter"])
+    return f" ({unit})" * bool(unit)
 
 
 def _row(low: _End, high: _End) -> tuple[str, ...]:
@@ -195,11 +201,11 @@ def _ranges(data: xr.Dataset) -> list[str]:
     rows = rows[np.argsort(-high[rows], kind="stable")]
     if not rows.size:
         return []
-    unit = parameter_unit(data.attrs["parameter"])
+    unit = _unit_shown(data)
     names = {end: [SpecialPoint(int(kind)).name.lower().replace("_", " ")
                    for kind in data[f"range_{end}_kind"].values] for end in ("low", "high")}
-    table: list[Any] = [("branch", "mesh cycles", f"stable from ({unit})", "begins with",
-                         f"to ({unit})", "ends with")]
+    table: list[Any] = [("branch", "mesh cycles", f"stable from{unit}", "begins with",
+                         f"to{unit}", "ends with")]
     table += [(str(data["range_branch"].values[k]), str(data["range_cycles"].values[k]),
                f"{low[k]:.10g}", names["low"][k], f"{high[k]:.10g}", names["high"][k])
               for k in rows[:MOST_ROWS]]

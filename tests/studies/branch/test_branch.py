@@ -215,6 +215,19 @@ def test_the_engine_and_rk4_confirm_the_motions(name, torque, width):
                 < 1e-9 * largest * orbit.size
 
 
+def test_the_end_of_the_range_is_the_greatest_value_allowed():
+    """No oscillator has a restitution above 1: neither a step nor a difference may ask for one."""
+    def make(restitution):
+        return ball(1.0, restitution)
+
+    found = branch(find_orbit(make(0.8), ball_start(1.0, 0.8)), make, value=0.8, low=0.8, high=1.0)
+    end = found.specials[-1]
+    assert (end.kind, end.value) == (Kind.LIMIT, 1.0)
+    assert np.prod(end.multipliers) == pytest.approx(1.0, abs=1e-9)
+    back = branch(found.orbit(end), make, value=1.0, low=0.8, high=1.0)
+    assert [one.value for one in (back.specials[0], back.specials[-1])] == [0.8, 1.0]
+
+
 def test_a_doubled_branch_comes_back_to_the_one_it_left():
     """Scene A with a compliant contact: a bubble of period 2 between two doublings, or its end."""
     found = ball_branch(0.7, 0.8, 1.25)

@@ -50,8 +50,8 @@ def _choice(data: xr.Dataset) -> list[str]:
     unit, words = parameter_unit("brake_torque"), parameter_words(other)
     known = np.isfinite(quiet)
     if not known.any():
-        return [f"**Which torque to choose is not answered**: look at higher ones than "
-                f"{torques[-1]:g} {unit}."]
+        return [f"**Which torque to choose map `{data.attrs['name']}` does not answer**: look at "
+                f"higher ones than {torques[-1]:g} {unit}."]
     values, of = data[other].values, parameter_unit(other)
     alone = " One start alone was tried: another motion may live beside it."
     if known.all() and np.ptp(quiet) == 0:

@@ -117,7 +117,13 @@ class Problem:
         """Derivative of the residual, which is `here` at z, by the scaled parameter."""
         step = np.zeros(len(z))
         step[-1] = BY_PARAMETER * max(1.0, abs(z[-1]))
-        found: NDArray[Any] = (self.residual(layout, z + step) - here) / step[-1]
+        try:
+            there = self.residual(layout, z + step)
+        except ValueError:
+            # No oscillator has more than the greatest value allowed.
+            step = -step
+            there = self.residual(layout, z + step)
+        found: NDArray[Any] = (there - here) / step[-1]
         return found
 
 
@@ -191,6 +197,8 @@ def corrected(problem: Problem, layout: Layout, z: NDArray[Any], row: NDArray[An
         if not np.all(np.isfinite(found)):
             raise NotCorrected("not finite")
         step = Bordered(one, two, by_value, row).solve(np.append(-found, 0.0))
+        if not row[:-1].any():
+            step[-1] = 0.0  # A value held: rounding must not lead out of what is allowed.
         size = float(np.max(np.abs(step)))
         if size > 10.0:
             raise NotCorrected("far away")

@@ -83,6 +83,10 @@ def follow(follower: Follower, start: Place, most: int, beyond: Beyond,
             return ended(Kind.POINTS, "as many unstable points in a row as were asked for")
         taken, why = _step(follower, place, turns, step)
         if taken is None:
+            limit = _last_before_limit(follower, place)
+            if limit is not None:
+                points.append(follower.point(limit))
+                return ended(Kind.LIMIT, "end of the range")
             special, after = beyond(follower, why, place)
         else:
             ahead, crossing = taken.place, taken.crossing
@@ -116,6 +120,23 @@ def follow(follower: Follower, start: Place, most: int, beyond: Beyond,
         here = follower.point(place)
         points.append(here)
     return ended(Kind.POINTS, "as many points as were asked for")
+
+
+def _last_before_limit(follower: Follower, place: Place) -> Place | None:
+    """The curve at the end of the range where the shortest step goes beyond it; else None.
+
+    Where no oscillator has a value beyond, as of `restitution` 1, no step passes the end.
+    """
+    problem = follower.problem
+    rate = float(place.tangent[-1])
+    limit = follower.high if rate > 0 else follower.low
+    # A step that fails may have been ten times as long before.
+    if abs(limit - problem.value(place.z)) > 10 * SHORTEST * abs(rate) * problem.unit:
+        return None
+    try:
+        return follower.at_limit(place, limit)
+    except (NotCorrected, ValueError, OverflowError):
+        return None
 
 
 def _turns(follower: Follower, place: Place) -> list[Turn]:
