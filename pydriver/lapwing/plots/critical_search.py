@@ -21,9 +21,10 @@ if TYPE_CHECKING:
 LOOKS: dict[SearchStage, dict[str, Any]] = {
     SearchStage.SCAN: {"marker": "o", "color": style.BLUE, "label": "scan, from the safe end"},
     SearchStage.BISECTION: {"marker": "s", "color": style.ORANGE, "label": "bisection"},
-    SearchStage.CARRIED: {"marker": "^", "color": style.VERMILION, "label": "carried from the "
-                          "unsafe side; 0 %: died on the way"},
-    SearchStage.FURTHER: {"marker": "o", "color": style.SKY, "label": "beyond the bracket"},
+    SearchStage.CARRIED: {"marker": "^", "color": style.VERMILION, "label": "the rattling motion "
+                          "carried here; at 0 %: it had died"},
+    SearchStage.FURTHER: {"marker": "o", "color": style.SKY,
+                          "label": "scan of the side that rattles"},
 }
 TITLES = {"full": "contact of the engaged motion", "safe": "rattling motions",
           "back": "back impacts", "on": "rigid tooth on the flank"}

@@ -1,5 +1,7 @@
 """Attractors along a parameter: numbers kept by continuing, shares, words, figure."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,13 @@ from lapwing import TransmissionError, attractors, attractors_along, load_deck, 
 from lapwing.plots import figure_of
 from lapwing.plots.attractors.attractor_shares import shows
 from lapwing.plots.attractors.parts import CONTACT
-from lapwing.report.attractors.along import along_text, findings, headline, rattling_torques
+from lapwing.report.attractors.along import (
+    along_text,
+    findings,
+    headline,
+    quiet_values,
+    rattling_torques,
+)
 from lapwing.results import read_results
 from lapwing.studies.cost import stages_of
 
@@ -87,7 +95,7 @@ def test_what_was_not_reached_is_said(line):
     assert np.all(part.period.values[2] == -1) and part.unresolved.values[2] == -1
     assert "**1 not reached**" in along_text(part)[0]
     assert headline(part).endswith("; 1 values not reached")
-    assert "2 values" in findings(part)[0]
+    assert "2 values" in findings(part)[-1]
     none = part.copy(deep=True)
     none["reached"].values[:] = 0
     assert findings(none) == []
@@ -101,8 +109,14 @@ def test_what_was_not_reached_is_said(line):
 
 
 def test_words(line):
-    (sentence,) = findings(line)
-    assert sentence.startswith("**Along braking torque 12.1 to 12.5 N·m up to ")
+    quiet, sentence = findings(line)
+    assert quiet == ("**No start rattles at 12.5 N·m on the gear** (at a pinion speed of 240 rpm, "
+                     "impact law `absolute`; 64 random starts).")
+    more = line.copy(deep=True)
+    more["deepest_separation"].values[-2] = 0.0
+    assert findings(more)[0].endswith("; 64 random starts at each of 2 values).")
+    assert re.match(r"\*\*Up to \d motions coexist\*\* \([^)]+\), along braking torque 12.1 to ",
+                    sentence)
     assert "the last value at which separation was found is 12.4 N·m" in sentence
     # 1 - 0.05^(1/64)
     assert "below 4.57 %, with 95 % confidence" in sentence
@@ -110,7 +124,9 @@ def test_words(line):
     assert "64 random starts at each (seed 0)" in text and "none of 448 failed" in text
     lost = line.copy(deep=True)
     lost["unresolved"].values[2] = 3
-    assert findings(lost)[0].endswith("Of 3 runs the end is not known.")
+    assert findings(lost)[-1].endswith("Of 3 runs the end is not known.")
+    lost["failed"].values[-1] = 1  # whether that one rattles is not known
+    assert len(findings(lost)) == 1 and not quiet_values(lost).size
     assert max(rattling_torques([line])) == 12.4
     lost["reached"].values[-2:] = 0
     assert max(rattling_torques([lost])) == 12.25
@@ -130,7 +146,9 @@ def test_figure(line):
     assert heights == pytest.approx(100 * np.ones(7))
     assert len(colours) == line.attractor.size + 1  # and what is not known
     words = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert any(one.endswith(": contact kept") for one in words)
+    assert "contact kept" in words
+    assert any(re.fullmatch(r"motion \d: period 1, 11( to 12)? impacts a cycle, 170 µrad deep", one)
+               for one in words)
     from matplotlib.colors import to_rgba
 
     assert stacked.containers[0][0].get_facecolor() == to_rgba(CONTACT)

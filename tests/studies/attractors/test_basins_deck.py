@@ -1,5 +1,7 @@
 """Basins in a deck: the numbers of Python's, in parts, once more, in words and drawn."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -64,7 +66,7 @@ def test_a_deck_runs_what_python_runs(deck, folder):
         assert stored.attrs["boundary_entropy"] == alone.boundary_entropy
     summary = (folder / "summary.md").read_text(encoding="utf-8")
     assert "**At 1.8 N·m the start decides between 3 motions**: " in summary
-    assert " of 600 starts end in " in summary
+    assert " of 600 starts with φ " in summary
     assert "## Basins starts" in summary
 
 
@@ -106,9 +108,14 @@ def test_words(plane):
     assert "95 % limits" not in text  # of a grid there are none
     assert headline(plane) == "2 attractors in 1600 cells"
     (sentence,) = findings(plane)
-    assert sentence.startswith("**At 12.4 N·m the start decides between 2 motions**: 83.1 % of "
-                               "1600 starts end in lasting contact; 16.9 % in rattling of "
-                               "period 2") and "not known" not in sentence
+    assert re.match(r"\*\*At 12\.4 N·m the start decides between 2 motions\*\*: 83\.1 % of 1600 "
+                    r"starts with φ -?[\d.]+ to -?[\d.]+ µrad and dφ/dτ -?[\d.]+ to -?[\d.]+ µrad "
+                    r"end in lasting contact; 16\.9 % in rattling of period 2", sentence)
+    assert "of other starts the shares are others" in sentence and "not known" not in sentence
+    ends = [float(one) for one in re.findall(r"(-?[\d.]+) (?:to|µrad)", sentence)[:4]]
+    inside = [1e6 * plane[name].values[end] for name in ("start_phi", "start_phi_dot")
+              for end in (0, -1)]
+    assert ends[0] < inside[0] < inside[1] < ends[1] and ends[2] < inside[2] < inside[3] < ends[3]
 
 
 def test_words_where_something_is_missing(plane):
@@ -134,10 +141,10 @@ def test_words_where_something_is_missing(plane):
 def test_the_torque_at_which_starts_rattle_is_not_enough(plane):
     higher = plane.assign_attrs(brake_torque=13.0).copy(deep=True)
     said, = choice(rattling_torques([plane, higher]))
-    assert said.startswith("**Choose more than 13 N·m; how much more is not known**")
+    assert "keeps contact**; 13 N·m on the gear surely does not" in said
     higher["runs_ended"].values[:] = [1600, 0]  # all in lasting contact
     said, = choice(rattling_torques([plane, higher]))
-    assert said.startswith("**Choose more than 12.4 N·m; how much more is not known**")
+    assert "keeps contact**; 12.4 N·m on the gear surely does not" in said
     assert choice(rattling_torques([higher])) == choice([]) == []
 
 
@@ -159,7 +166,8 @@ def test_figure(plane):
     words = [text.get_text() for text in figure.legends[0].get_texts()]
     assert words[0].startswith("contact kept: ")
     assert words[1].startswith("period 2, 11.5 impacts a cycle, 171 µrad deep: ")
-    assert words[2:] == ["5 cells not resolved", "7 cells not reached", "attractor at mesh phase 0"]
+    assert words[2:] == ["5 cells not resolved", "7 cells not reached",
+                         "a motion's states at mesh phase 0, one for each cycle of its period"]
     drawn = np.concatenate([line.get_xydata() for line in axis.lines[1:]])
     points = np.column_stack([part.point_phi.values.ravel(), part.point_phi_dot.values.ravel()])
     assert np.array_equal(drawn, points[np.isfinite(points[:, 0])])

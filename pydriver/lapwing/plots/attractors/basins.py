@@ -89,9 +89,10 @@ def _label(axis: Axes, data: xr.Dataset) -> None:
     if x == "start_phi":
         axis.axvline(0.0, color="0.25", linewidth=0.9, linestyle=(0, (5, 3)))
         axis.set_title(f"starts at mesh phase {float(data.attrs['phase']):g}; dashed: the drive "
-                       "flank")
+                       "flank; shares: of this rectangle")
     else:
-        axis.set_title(f"starts are arrivals at the {data.attrs['plane']} flank")
+        axis.set_title(f"starts are arrivals at the {data.attrs['plane']} flank; shares: of this "
+                       "rectangle")
 
 
 def _in_plane(data: xr.Dataset) -> bool:
@@ -123,7 +124,8 @@ def _points(axis: Axes, data: xr.Dataset, of_each: list[str]) -> list[Any]:
     axis.set_ylim(*limits[1])
     return [Line2D([], [], linestyle="none", marker="o", markersize=6.5, markerfacecolor="white",
                    markeredgecolor="black", markeredgewidth=1.2,
-                   label="attractor at mesh phase 0")] * drawn
+                   label="a motion's states at mesh phase 0, one for each cycle of its "
+                   "period")] * drawn
 
 
 __all__ = ["draw", "shows"]

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 # A motion without separation is grey; the others in their order, told apart by the colour-blind.
-CONTACT, NOT_KNOWN = "0.80", style.BLACK
+CONTACT, NOT_KNOWN = "0.75", style.BLACK
 COLOURS = (style.SKY, style.ORANGE, style.GREEN, style.PURPLE, style.BLUE, style.VERMILION,
            "#F0E442", "#6B2A57", "#00584A", "0.45")
 

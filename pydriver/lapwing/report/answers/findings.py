@@ -68,8 +68,10 @@ def findings(responses: Any, criticals: Any, sweeps: Any, missing: Any = (),
                *(sentence for one in lines for sentence in along.findings(one)),
                *(sentence for one in basins for sentence in attractor_basins.findings(one))]
     if not said:
-        answers += attractors_choice([*along.rattling_torques(lines),
-                                      *attractor_basins.rattling_torques(basins)])
+        answers += attractors_choice(
+            [*(torque for one in lines if not along.quiet_values(one).size
+               for torque in along.rattling_torques([one])),
+             *attractor_basins.rattling_torques(basins)])
     if not answers:
         return [*stopped, "**Nothing is known**: no run has a result."]
     return [*stopped, *answers, *torque.failures()]

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lapwing.base.arrivals import arrivals_in
+from lapwing.report.answers.conditions import Conditions
 from lapwing.report.attractors.words import percent
 from lapwing.report.words import markdown, parameter_unit, parameter_words, plural, sections
 
@@ -19,6 +21,8 @@ if TYPE_CHECKING:
 
 # Rows of the table: the attractors that are met over the most values.
 MOST_ROWS = 24
+# Classes of one attractor told; of more the outermost.
+MOST_CLASSES = 5
 
 
 def section(lines: list[xr.Dataset], results: Results) -> list[str]:
@@ -50,9 +54,19 @@ def findings(data: xr.Dataset) -> list[str]:
     most = int(there.sum(axis=1).max())
     at = values[there.sum(axis=1) == most]
     words = parameter_words(name)
-    said = [f"**Along {words} {_span(values, unit)} up to {plural(most, 'motion')} coexist"
-            f"{'' if most > 1 else 's'}** ({_span(at, unit)}), from {runs} random starts at each "
-            f"of {plural(values.size, 'value')} (attractors `{data.attrs['name']}`)"]
+    safe, quiet = [], quiet_values(data)
+    if quiet.size:
+        conditions = Conditions.of(data.attrs, float(data.attrs.get("pinion_teeth", math.nan)))
+        told = "; ".join(filter(None, [conditions.words(data.attrs),
+                                       f"{runs} random starts"
+                                       + f" at each of {quiet.size} values" * (quiet.size > 1)]))
+        where = ("from " if quiet.size > 1 else "at ") + _span(quiet, unit)
+        safe = [f"**No start rattles {where}" + " on the gear" * (name == "brake_torque")
+                + f"** ({told})."]
+    coexist = "coexist" + "s" * (most == 1)
+    said = [f"**Up to {plural(most, 'motion')} {coexist}** ({_span(at, unit)}), along {words} "
+            f"{_span(values, unit)}, from {runs} random starts at each of "
+            f"{plural(values.size, 'value')} (attractors `{data.attrs['name']}`)"]
     moves = _rattles(data)[reached]
     rattling = np.nansum(np.where(moves, data["share"].values[reached], 0.0), axis=1)
     last = np.flatnonzero(moves.any(axis=1))
@@ -64,8 +78,8 @@ def findings(data: xr.Dataset) -> list[str]:
     else:
         said.append("no separation was found")
     lost = int((data["unresolved"].values[reached] + data["failed"].values[reached]).sum())
-    return ["; ".join(said) + ". A motion that no start led to is not excluded: its share of the "
-            f"starts at a value is below {percent(1 - 0.05 ** (1 / runs))}, with 95 % confidence."
+    return [*safe, "; ".join(said) + ". A motion that no start led to is not excluded: its share "
+            f"of the starts at a value is below {percent(1 - 0.05 ** (1 / runs))}, with 95 % confidence."
             + f" Of {plural(lost, 'run')} the end is not known." * bool(lost)]
 
 
@@ -73,6 +87,17 @@ def rattling_torques(lines: Sequence[xr.Dataset]) -> list[float]:
     """Braking torques (N·m) at which some start leads to rattling, of lines along it."""
     return [float(value) for one in lines if one.attrs["parameter"] == "brake_torque"
             for value in one["brake_torque"].values[_rattles(one).any(axis=1)]]
+
+
+def quiet_values(data: xr.Dataset) -> NDArray[Any]:
+    """Values above the last rattling, ascending, where the end of every start is known."""
+    values = data[str(data.attrs["parameter"])].values
+    lost = (data["reached"].values != 1) | (data["unresolved"].values > 0) \
+        | (data["failed"].values > 0)
+    order = np.argsort(values)
+    known = ~(lost | _rattles(data).any(axis=1))[order]
+    above: NDArray[Any] = values[order][np.logical_and.accumulate(known[::-1])[::-1]]
+    return above
 
 
 def _rattles(data: xr.Dataset) -> NDArray[np.bool_]:
@@ -133,10 +158,11 @@ def _table(data: xr.Dataset, unit: str) -> list[str]:
         at = np.flatnonzero(there[:, i])
         if not at.size:
             continue
-        kinds = list(dict.fromkeys(str(data["motion_class"].values[k, i]) for k in (at[0], at[-1])))
+        kinds = list(dict.fromkeys(str(data["motion_class"].values[k, i]) for k in at))
+        kinds = kinds if len(kinds) <= MOST_CLASSES else [*kinds[:2], "…", *kinds[-2:]]
         depth = 1e6 * data["deepest_separation"].values[at, i]
         shares = data["share"].values[at, i]
-        rows.append((str(i + 1), _span(data[name].values[at], ""), str(at.size), " … ".join(kinds),
+        rows.append((str(i + 1), _span(data[name].values[at], ""), str(at.size), ", ".join(kinds),
                      _from_to(f"{depth.min():.3g}", f"{depth.max():.3g}"),
                      _from_to(percent(float(shares.min())), percent(float(shares.max())))))
     more = data.sizes["attractor"] - len(order)

@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 PLANES = {"state": "states (φ, dφ/dτ)", "drive": "arrivals at the drive flank (phase, speed)",
           "coast": "arrivals at the coast flank (phase, speed)"}
 
+# What the sides of a plane are in words, the factor to the unit told, and that.
+SIDES = {"start_phi": ("φ", 1e6, "µrad"), "start_phi_dot": ("dφ/dτ", 1e6, "µrad"),
+         "start_phase": ("phase", 1.0, ""), "start_speed": ("speed", 1e6, "µrad")}
+
 
 def section(planes: list[xr.Dataset], results: Results) -> list[str]:
     """The summary's part on basins; see `registry`."""
@@ -45,11 +49,15 @@ def findings(data: xr.Dataset) -> list[str]:
     lost = int((labels <= 0).sum())
     shares = [f"{percent(float(one['share']))} in {motion_words(one, data)}"
               for i in np.flatnonzero(motions) for one in (data.isel(attractor=i),)]
-    said = f"the start decides between {plural(len(shares), 'motion')}" if len(shares) > 1 \
-        else "all starts lead to one motion"
-    every = f"of {labels.size - lost} {_starts(data)} end"
+    state = data.attrs["plane"] == "state"
+    what = "the start" if state else f"an arrival at the {data.attrs['plane']} flank"
+    said = f"{what} decides between {plural(len(shares), 'motion')}" if len(shares) > 1 \
+        else f"all {_starts(data)} lead to one motion"
+    every = f"of {labels.size - lost} {_starts(data)} {_rectangle(data)} end"
+    said = said if "brake_torque" in data.attrs else said[0].upper() + said[1:]
     return [f"**{_torque(data)}{said}**: {shares[0].replace(' in ', f' {every} in ', 1)}"
-            + "".join(f"; {one}" for one in shares[1:]) + f" (basins `{data.attrs['name']}`)."
+            + "".join(f"; {one}" for one in shares[1:]) + f"; of other starts the shares are others"
+            f" (basins `{data.attrs['name']}`)."
             + f" Of {lost} the end is not known." * bool(lost)]
 
 
@@ -67,6 +75,22 @@ def _starts(data: xr.Dataset) -> str:
     """What the cells are, in a sentence."""
     return "starts" if data.attrs["plane"] == "state" \
         else f"arrivals at the {data.attrs['plane']} flank"
+
+
+def _rectangle(data: xr.Dataset) -> str:
+    """From where the starts are taken: 'from φ -300 to 100 µrad and dφ/dτ -150 to 150 µrad'."""
+    ends = []
+    for side in "xy":
+        name = str(data.attrs[f"{side}_parameter"])
+        words, factor, unit = SIDES[name]
+        values = factor * data[name].values
+        span = values[-1] - values[0]
+        half = 0.5 * span / max(values.size - 1, 1)
+        # What is not 0 but for rounding is 0.
+        low, high = (end if abs(end) > 1e-9 * span else 0.0
+                     for end in (values[0] - half, values[-1] + half))
+        ends.append(f"{words} {low:.4g} to {high:.4g} {unit}".rstrip())
+    return f"with {' and '.join(ends)}"
 
 
 def basins_text(data: xr.Dataset) -> list[str]:

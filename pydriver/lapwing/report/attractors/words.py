@@ -24,7 +24,7 @@ def percent(share: float) -> str:
 
 
 def choice(torques: Sequence[float]) -> list[str]:
-    """The torque that is not enough, of those at which some start was seen to lead to rattling.
+    """That no torque was searched, and one that is not enough: where some start rattles.
 
     Parameters
     ----------
@@ -36,9 +36,9 @@ def choice(torques: Sequence[float]) -> list[str]:
     """
     if not torques:
         return []
-    return [f"**Choose more than {max(torques):g} {parameter_unit('brake_torque')}; how much more "
-            "is not known**: there some starts still lead to rattling; a search for T_safe "
-            "(&critical, find = 'safe') would say."]
+    return [f"**This run does not say which torque keeps contact**; {max(torques):g} "
+            f"{parameter_unit('brake_torque')} on the gear surely does not: there some starts lead "
+            "to rattling. A search for T_safe (&critical, find = 'safe') would say."]
 
 
 def motion_words(one: xr.Dataset, data: xr.Dataset) -> str:
