@@ -95,6 +95,20 @@ def findings(data: xr.Dataset) -> list[str]:
     return [f"{said}. {_dies(data)}".rstrip()]
 
 
+def end_of_rattling(data: xr.Dataset) -> tuple[float, bool] | None:
+    """Value above which no branch of rattling was found, and whether one ends there or goes on.
+
+    Returns
+    -------
+    float, bool; None where none rattles above T_full, or T_full is not known
+    """
+    rows = _intervals(data) if "kept" in data.attrs else []
+    if not rows:
+        return None
+    last = rows[-1][1]
+    return last.value + max(last.error, 0.0), last.kind not in OPEN
+
+
 def branches_text(data: xr.Dataset) -> list[str]:
     """Findings of one diagram: the answer first, intervals, stable ranges, what it rests on.
 

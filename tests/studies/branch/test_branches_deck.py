@@ -1,6 +1,7 @@
 """Branches in a deck: the ball's last motion ends in a fold whose torque has a closed form."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import lapwing
 from lapwing.base.codes import FoundFrom, FoundMotion, SpecialPoint
 from lapwing.deck import DeckError, load_deck
 from lapwing.deck.used import used_hash, used_text
+from lapwing.report.answers.findings import findings
 from lapwing.results import read_results
 from lapwing.run import run_deck
 
@@ -179,3 +181,16 @@ def test_what_is_finished_outlives_an_interrupt(deck, diagram, tmp_path, monkeyp
     followed.clear()
     again, notes = run()
     assert followed == first[:1] and len(notes) == 1 and "branch 0" in notes[0]
+
+
+def test_the_torque_to_choose_lies_above_every_branch(outcome, diagram):
+    """The sweep saw no rattling at its two torques; the branches go on to the fold."""
+    _, fold = torques()
+    with read_results(outcome.folder / "result.nc") as results:
+        sweep = results.study("sweep", "torque").load()
+    choice = findings([], [], [sweep], diagrams=[diagram])[0]
+    number = float(re.match(r"\*\*Choose at least (\S+) N·m", choice)[1])
+    assert fold <= number < 1.001 * fold and "last branch of rattling" in choice
+    open_ = diagram.assign(rattling_high_kind=diagram["rattling_high_kind"].copy(
+        data=np.full(diagram["rattling_high_kind"].shape, SpecialPoint.LIMIT)))
+    assert findings([], [], [sweep], diagrams=[open_])[0].startswith("**Choose more than ")

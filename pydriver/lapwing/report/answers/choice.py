@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lapwing.base.messages import at_least
+from lapwing.report.branches import end_of_rattling
 from lapwing.report.measured import has_interval
 from lapwing.results.findings import SYMBOLS
 
@@ -46,6 +47,15 @@ def choice(torque: Torque) -> str:
     terms = [] if search is None else \
         ["T_safe: from there on none of the motions tried rattles"] if seen.last is not None \
         else ["the lowest torque searched"]
+    branch, ends = max(filter(None, map(end_of_rattling, torque.diagrams)),
+                       default=(-math.inf, True))
+    if branch >= least:
+        if not ends:
+            return (f"**Choose more than {at_least(branch)} {torque.unit} on the gear; how much "
+                    f"more is not known**{_bracket(torque, [])}: a branch of rattling goes on to "
+                    "there, where it was followed no further.")
+        least, step = branch, 0.0
+        terms = ["T_safe: where the last branch of rattling that was found ends"]
     noise = _noise(torque, search)
     if noise > least:
         least, step = noise, 0.0
@@ -54,7 +64,7 @@ def choice(torque: Torque) -> str:
     if torque.laws.get("contact_law") == "restitution" and "impact_law" in torque.laws:
         doubts.append("another impact law")
     doubt = ", ".join(doubts[:-1]) + f" or {doubts[-1]}"
-    few = "" if search is not None else f" Few starts were tried: {SEARCH} tries more."
+    few = "" if search is not None or torque.diagrams else f" Few starts were tried: {SEARCH} tries more."
     return (f"**Choose at least {at_least(least, step)} {torque.unit} on the gear**"
             f"{_bracket(torque, terms)}{_margin(torque, least, step)}. {doubt.capitalize()} may "
             f"move it, by how much is not known.{few}")

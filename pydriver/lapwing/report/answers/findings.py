@@ -56,7 +56,7 @@ def findings(responses: Any, criticals: Any, sweeps: Any, missing: Any = (),
     list of str, each a sentence or two in Markdown
     """
     stopped = _stopped([*sweeps, *maps, *ensembles, *basins], missing)
-    torque = _Told(responses, criticals, sweeps, conditions)
+    torque = _Told(responses, criticals, sweeps, conditions, diagrams)
     said, drifting = torque.sentences(), drifts(responses)
     # Where no torque was searched what was looked at comes first.
     answers = [*(drifting if unanswered(torque) else []), *said,

@@ -25,6 +25,7 @@ class Torque:
     Attributes
     ----------
     responses, criticals, sweeps : lists of Dataset, those at this operating point
+    diagrams : list of Dataset, bifurcation diagrams along it
     conditions : Conditions, what is the same for all of them
     looks, coast : lists of Look, where the torque presses on the drive and on the coast flanks
     rattling, back : Seen
@@ -35,11 +36,12 @@ class Torque:
     unit = parameter_unit("brake_torque")
 
     def __init__(self, responses: Any, criticals: Any, sweeps: Any,
-                 conditions: Conditions = UNKNOWN) -> None:
+                 conditions: Conditions = UNKNOWN, diagrams: Any = ()) -> None:
         self.responses = [one for one in responses if not int(one.attrs.get("own_operation", 0))]
         self.criticals = [one for one in criticals if one.attrs["parameter"] == "brake_torque"
                           and not int(one.attrs.get("own_operation", 0))]
         self.sweeps = [one for one in sweeps if one["status"].dims[1] == "brake_torque"]
+        self.diagrams = [one for one in diagrams if one.attrs["parameter"] == "brake_torque"]
         self.looks = looks(responses, criticals, sweeps)
         self.coast = looks(responses, criticals, sweeps, flank="coast")
         self.rattling, self.back = (together(self.looks, what) for what in ("rattling", "back"))
