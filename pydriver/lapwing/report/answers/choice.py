@@ -64,7 +64,8 @@ def choice(torque: Torque) -> str:
     if torque.laws.get("contact_law") == "restitution" and "impact_law" in torque.laws:
         doubts.append("another impact law")
     doubt = ", ".join(doubts[:-1]) + f" or {doubts[-1]}"
-    few = "" if search is not None or torque.diagrams else f" Few starts were tried: {SEARCH} tries more."
+    few = "" if search is not None or torque.diagrams else \
+        f" Few starts were tried: {SEARCH} tries more."
     return (f"**Choose at least {at_least(least, step)} {torque.unit} on the gear**"
             f"{_bracket(torque, terms)}{_margin(torque, least, step)}. {doubt.capitalize()} may "
             f"move it, by how much is not known.{few}")

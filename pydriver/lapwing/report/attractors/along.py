@@ -78,8 +78,9 @@ def findings(data: xr.Dataset) -> list[str]:
     else:
         said.append("no separation was found")
     lost = int((data["unresolved"].values[reached] + data["failed"].values[reached]).sum())
+    least = percent(1 - 0.05 ** (1 / runs))
     return [*safe, "; ".join(said) + ". A motion that no start led to is not excluded: its share "
-            f"of the starts at a value is below {percent(1 - 0.05 ** (1 / runs))}, with 95 % confidence."
+            f"of the starts at a value is below {least}, with 95 % confidence."
             + f" Of {plural(lost, 'run')} the end is not known." * bool(lost)]
 
 
