@@ -386,3 +386,22 @@ def test_figures_need_no_engine(results, tmp_path):
         "assert not loaded, loaded\n")
     subprocess.run([sys.executable, "-c", program], check=True)
     assert (tmp_path / "a.pdf").stat().st_size > 0
+
+
+def test_a_branch_is_drawn_where_it_is_seen_to_differ():
+    import xarray as xr
+
+    from lapwing.plots.sweep.parts import differs, stands_apart
+
+    depth = np.array([[1.0, 2.0, 3.0, np.nan], [1.001, 2.5, 3.0, 1.0]])
+    sweep = xr.Dataset({"status": (("start", "brake_torque"), np.array([[0, 0, 0, 3], [0] * 4])),
+                        "period": (("start", "brake_torque"), np.array([[1] * 4, [2, 2, 1, 1]])),
+                        "phi": (("start", "brake_torque", "recorded_cycle"),
+                                np.repeat(depth[..., None], 4, axis=2)),
+                        "depth": (("start", "brake_torque"), depth)},
+                       coords={"start": ["rest", "up"], "brake_torque": np.arange(4.0)})
+    up = sweep.isel(start=1)
+    assert differs(sweep, up).tolist() == [True, True, False, True]
+    apart = stands_apart(sweep, up, lambda one: one["depth"].values)
+    assert apart.tolist() == [False, True, False, True]
+    assert stands_apart(sweep, sweep.isel(start=0), lambda one: one["depth"].values).all()

@@ -215,6 +215,18 @@ def test_responses_alone_give_no_advice(responses):
     assert said[1].startswith("**This run does not say")
 
 
+@pytest.mark.parametrize(("quiet", "words"), [
+    (True, "at 1 of the 2 torques looked at below it none was seen either, at 1 more not from "
+           "every start."),
+    (False, "at 1 of the 2 torques looked at below it not from every start.")])
+def test_starts_that_do_not_strike_back_are_counted(sweeps, quiet, words):
+    data = sweeps["torque"].copy(deep=True)
+    data["back_impacts"][{"start": 0, "brake_torque": 0}] = 1  # from rest alone
+    data["back_impacts"][{"brake_torque": 1}] = 0 if quiet else 1
+    data["back_impacts"][{"brake_torque": 2}] = 1
+    assert f"It is no sharp threshold: {words}" in " ".join(told(sweeps=[data]))
+
+
 def test_a_sweep_that_rattles_above_the_search_moves_the_choice(sweeps, searches):
     louder = sweeps["torque"].copy(deep=True)
     last = louder.sizes["brake_torque"] - 2  # 13 N·m
@@ -259,9 +271,12 @@ def test_other_operating_points_are_kept_apart(searches):
 def test_along_another_parameter(sweeps):
     data = sweeps["speed"].assign_attrs(brake_torque=3.3).drop_vars("dynamic_te_rms")
     said, = told(sweeps=[data])
-    assert said == ("**Along the pinion speed** (3 values, 100 to 400 rpm; 3.3 N·m throughout: "
-                    "which torque to choose was not asked) the teeth part at 200 to 400 rpm, not "
-                    "at 100 rpm; back impacts were not seen.")
+    assert said == ("**Avoid a pinion speed of 200 to 400 rpm at 3.3 N·m on the gear**: of 3 "
+                    "values looked at, 100 to 400 rpm, the teeth part at 200 to 400 rpm, not at "
+                    "100 rpm; back impacts were not seen.")
+    everywhere, = told(sweeps=[data.isel(pinion_speed_rpm=slice(1, None))])
+    assert everywhere.startswith("**Along the pinion speed at 3.3 N·m on the gear** (2 values "
+                                 "looked at, 200 to 400 rpm) the teeth part everywhere; ")
 
 
 def test_starts_that_differ_along_another_parameter_are_told_apart(sweeps):

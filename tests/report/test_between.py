@@ -50,10 +50,23 @@ def test_the_range_ends_at_the_last_back_impact_and_the_last_separation():
 def test_a_motion_beside_is_told_where_it_lives_at_neighbours(count, told):
     up = [BOUNCING] * 2 + [(1, 1, 800)] * count + [BOUNCING] * (6 - count)
     said = of_sweep(along_torque(rest=[BOUNCING] * 8, up=up, down=[BOUNCING] * 8), None, 8.0)
-    assert ("**Beside them**, carried upwards, other motions live" in said) == told
+    assert said.startswith("**Where the torque is raised step by step (carried upwards) other "
+                           "motions live** than from rest at ") == told
     if told:
-        assert f"at {100 * count / 8:.0f} % of these torques (3 to {2 + count} N·m): at " in said
-        assert "800 µrad deep instead of 100." in said
+        assert (f"at {100 * count / 8:.0f} % of the torques at which the teeth part (3 to "
+                f"{2 + count} N·m): at ") in said
+        assert "800 µrad deep instead of 100. **Where the teeth part**" in said
+
+
+@pytest.mark.parametrize(("depths", "rise"), [
+    ([80, 70, 60, 50, 40, 30, 20, 10], ""),
+    ([80, 70, 60, 10, 60, 30, 20, 10], ""),  # a single motion is no hollow
+    ([80, 40, 20, 10, 10, 30, 30, 5], "10 µrad near 4 N·m to 30 µrad near 6 N·m"),
+    ([900, 10, 10, 900, 900, 20, 10, 10], "10 µrad near 2 N·m to 900 µrad near 4 N·m")])
+def test_a_hump_is_told(depths, rise):
+    said = of_sweep(along_torque(rest=[(1, 5, depth) for depth in depths]), None, 8.0)
+    assert ("**More torque is not always better**: separation rises from " in said) == bool(rise)
+    assert rise in said
 
 
 def response(torque, impacts, depth, **attrs):

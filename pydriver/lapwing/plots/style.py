@@ -30,10 +30,11 @@ WALL, QUIET = "0.35", "0.4"
 
 # The branch from rest lies below, wide; the others are drawn over it where they differ from it.
 START_STYLES = {
-    "rest": {"color": BLACK, "size": 1.6, "alpha": 0.45, "width": 1.8, "label": "each from rest"},
-    "up": {"color": VERMILION, "size": 1.6, "alpha": 0.7, "width": 1.3,
+    "rest": {"color": BLACK, "size": 1.6, "alpha": 0.45, "width": 2.0, "label": "each from rest"},
+    # Ever thinner: what lies under another is seen on its sides.
+    "up": {"color": VERMILION, "size": 1.6, "alpha": 0.7, "width": 1.6,
            "label": "carried upwards"},
-    "down": {"color": SKY, "size": 1.6, "alpha": 0.7, "width": 1.3,
+    "down": {"color": SKY, "size": 1.6, "alpha": 0.7, "width": 0.9,
              "label": "carried downwards"},
 }
 DRAWING_ORDER = ("rest", "up", "down")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lapwing.plots import critical_marks, style
 from lapwing.plots.sweep import parts as sweep_parts
-from lapwing.results.findings import known
+from lapwing.results.findings import known, rattles
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,6 +29,8 @@ PANELS = (("dynamic_te_rms", style.URAD, "dynamic transmission error, rms", "µr
 RESONANCES = (1, 2, 3)
 # Part of the greatest number that the panels reach, so that labels above have room.
 ROOM = 1.12
+# Behind the values at which the teeth part.
+SHADE = "0.91"
 
 
 def shows(sweep: xr.Dataset) -> bool:
@@ -71,7 +73,8 @@ def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title:
     axes[-1, 1].set_xlabel(axes[-1, 0].get_xlabel())
     if marked:
         axes[-1, 0].set_xlabel(f"{axes[-1, 0].get_xlabel()}; Ω: mesh frequency / natural frequency")
-    sweep_parts.legend(figure, sweep, failed=bool(sweep_parts.failed(sweep).any()))
+    sweep_parts.legend(figure, sweep, failed=bool(sweep_parts.failed(sweep).any()),
+                       more=_parting(axes, sweep))
     return figure
 
 
@@ -82,7 +85,7 @@ def _panel(axis: Axes, sweep: xr.Dataset, name: str, factor: float) -> None:
                       if name.startswith("mesh_force") else "no amplitude is known")
         return
     for branch, look in sweep_parts.branches(sweep):
-        shown = sweep_parts.differs(sweep, branch)
+        shown = sweep_parts.stands_apart(sweep, branch, lambda one: one[name].values)
         axis.plot(branch[sweep_parts.parameter_of(sweep)].values[shown],
                   factor * branch[name].values[shown], linestyle="", marker="o", markersize=2.8,
                   markeredgewidth=0, color=look["color"], alpha=0.9)
@@ -91,6 +94,22 @@ def _panel(axis: Axes, sweep: xr.Dataset, name: str, factor: float) -> None:
     axis.set_ylim(ROOM * bottom, ROOM * top if top > 0 else 0.0 if bottom else 1.0)
     if not (top > 0 or bottom):
         axis.set_yticks([0])  # any other number would be made up
+
+
+def _parting(axes: NDArray[Any], sweep: xr.Dataset) -> list[Any]:
+    """Shade the values at which the teeth part, from some start; an entry for the legend."""
+    from matplotlib.patches import Patch
+
+    values = sweep[sweep_parts.parameter_of(sweep)].values
+    parting = rattles(sweep).any(axis=0) if "states_visited" in sweep else np.zeros(values.size)
+    if sweep_parts.is_log(values) or not parting.any() or parting.all():
+        return []
+    edges = sweep_parts.edges_of(values)
+    bounds = np.flatnonzero(np.diff(np.concatenate([[0], parting.astype(int), [0]])))
+    for axis in axes.flat:
+        for low, high in edges[bounds].reshape(-1, 2):
+            axis.axvspan(low, high, color=SHADE, linewidth=0, zorder=0.4)
+    return [Patch(facecolor=SHADE, label="teeth part, from some start")]
 
 
 def _resonances(axes: NDArray[Any], parameter: str, values: NDArray[Any],

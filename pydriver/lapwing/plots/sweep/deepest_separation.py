@@ -76,8 +76,8 @@ def depth_lines(axis: Axes, sweep: xr.Dataset) -> None:
     looks, are dots.
     """
     for branch, look in sweep_parts.branches(sweep):
-        deepest = style.URAD * branch["deepest_separation"].max("recorded_cycle")
-        depth = deepest.where((branch["status"] == 0) & sweep_parts.differs(sweep, branch)).values
+        depth = np.where((branch["status"].values == 0) & sweep_parts.stands_apart(
+            sweep, branch, _depth), _depth(branch), np.nan)
         x, period = branch[sweep_parts.parameter_of(sweep)].values, branch["period"].values
         joined = (period[1:] == period[:-1]) & (period[1:] > 0)
         breaks = np.flatnonzero(~joined) + 1
@@ -87,13 +87,20 @@ def depth_lines(axis: Axes, sweep: xr.Dataset) -> None:
     axis.set_ylim(bottom=0)
 
 
+def _depth(branch: xr.Dataset) -> NDArray[Any]:
+    """Deepest of all recorded cycles, µrad."""
+    depth: NDArray[Any] = style.URAD * branch["deepest_separation"].max("recorded_cycle").values
+    return depth
+
+
 def _backlash(axis: Axes, gear_pair: dict[str, float] | None, top: float) -> None:
     """The whole gap, where the motion uses enough of it."""
     if gear_pair is None or style.URAD * float(gear_pair["backlash"]) > top:
         return
     backlash = style.URAD * float(gear_pair["backlash"])
     axis.axhline(backlash, color=style.WALL, linewidth=0.9, linestyle=":")
-    axis.text(0.35, backlash, f"backlash {backlash:g} µrad", color=style.WALL, fontsize=8.5,
+    axis.text(0.35, backlash, f"backlash {backlash:g} µrad: the depth of back impacts",
+              color=style.WALL, fontsize=8.5,
               transform=axis.get_yaxis_transform(), ha="center", va="bottom")
 
 

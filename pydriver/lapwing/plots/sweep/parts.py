@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -26,6 +26,8 @@ DIFFERENT = ", where different"
 # distributions: beyond this distance (the greatest difference of the shares below any value) two
 # of a hundred points each, of one motion, hardly ever are, even if neighbours are correlated.
 SAME, APART = 1e-3, 0.35
+# Numbers that differ by less, as a part of them, are drawn on each other.
+SEEN = 0.02
 # Places told apart over the height of a panel, several to a pixel; and the number of points on
 # one after which further ones change little, even at the edge of a small dot.
 PLACES, OPAQUE = 4096, 20
@@ -114,6 +116,24 @@ def differs(sweep: xr.Dataset, branch: xr.Dataset) -> NDArray[Any]:
         same[i] = _distance(one[i], two[i]) <= APART
     other: NDArray[Any] = ~same
     return other
+
+
+def stands_apart(sweep: xr.Dataset, branch: xr.Dataset,
+                 drawn: Callable[[xr.Dataset], NDArray[Any]]) -> NDArray[Any]:
+    """Where a branch has another motion than the one from rest, and is drawn at another place.
+
+    Parameters
+    ----------
+    sweep, branch : as for `differs`
+    drawn : function, a branch -> the numbers drawn, one for each value
+    """
+    apart = differs(sweep, branch)
+    if str(branch["start"].values) == "rest" or "rest" not in sweep["start"].values:
+        return apart
+    one, two = drawn(branch), drawn(sweep.sel(start="rest"))
+    # Without a result from rest (NaN) there is nothing that it would lie on.
+    apart &= ~(np.abs(one - two) <= SEEN * np.maximum(np.abs(one), np.abs(two)))
+    return apart
 
 
 def _distance(one: NDArray[Any], two: NDArray[Any]) -> float:

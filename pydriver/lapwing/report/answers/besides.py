@@ -58,10 +58,17 @@ def _along(sweep: xr.Dataset) -> str:
     if not values.size:
         return ""
     law = arrivals_in(sweep.attrs)
-    at = f"; {sweep.attrs['brake_torque']:g} N·m throughout: which torque to choose was not asked" \
+    at = f" at {sweep.attrs['brake_torque']:g} N·m on the gear" \
         if "brake_torque" in sweep.attrs else ""
-    text = (f"**Along the {parameter_words(parameter)}** ({_span(values, unit)}{at}) the teeth "
-            f"{_parting(found, unit)}; back {law.word}s {_back(found, unit)}")
+    every, words = together(found, "rattling"), parameter_words(parameter)
+    many = values.size > 1
+    looked = f"{values.size} values looked at, " * many + _span(values, unit)
+    if every.seen.any() and not every.seen.all():
+        text = (f"**Avoid a {words} of {bands(every.values, every.seen)} {unit}".rstrip()
+                + f"{at}**: of {looked}, the teeth {_parting(found, unit)}")
+    else:
+        text = f"**Along the {words}{at}** ({looked}) the teeth {_parting(found, unit)}"
+    text += f"; back {law.word}s {_back(found, unit)}"
     moved = greatest(sweep, "dynamic_te_rms", 1e6, "µrad", unit) if "dynamic_te_rms" in sweep \
         else ""
     text += f"; the dynamic transmission error has its greatest rms, {moved}" * bool(moved)
@@ -104,4 +111,4 @@ def _by_starts(found: list[Look], what: str) -> dict[str, list[str]]:
 def _span(values: NDArray[Any], unit: str) -> str:
     if values.size == 1:
         return f"{values[0]:g} {unit}".rstrip()
-    return f"{values.size} values, {values[0]:g} to {values[-1]:g} {unit}".rstrip()
+    return f"{values[0]:g} to {values[-1]:g} {unit}".rstrip()

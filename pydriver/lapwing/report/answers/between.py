@@ -22,6 +22,11 @@ PARTS = 3
 # A coexisting motion is told of where it is seen at so many neighbouring values, at this share of
 # all or more.
 NEIGHBOURS, SHARE = 3, 0.05
+# A depth that rises with the torque is told where it does so by this factor.
+RISE = 2.0
+# How other motions than those from rest are come to.
+WAYS = {"up": "Where the torque is raised step by step (carried upwards)",
+        "down": "Where the torque is lowered step by step (carried downwards)"}
 
 
 def of_sweep(sweep: xr.Dataset, low: float | None, high: float) -> str:
@@ -52,12 +57,35 @@ def of_sweep(sweep: xr.Dataset, low: float | None, high: float) -> str:
     start, unit = str(branch["start"].values), parameter_unit("brake_torque")
     told = [_part(branch, values, rows, unit)
             for rows in np.array_split(at, PARTS if at.size > PARTS else at.size)]
-    text = f"**{'In between' if between else 'Where the teeth part'}**, " \
+    text = _beside(sweep, branch, part, values, unit)
+    text += f"**{'In between' if between else 'Where the teeth part'}**, " \
         f"{START_NAMES.get(start, start)}: {'; '.join(told)}"
     wild = values[at[branch["period"].values[at] == 0]]
     text += f"; no period at {wild.size} of {plural(at.size, 'torque')}, the highest " \
         f"{wild[-1]:g} {unit}." if wild.size else "; every motion has a period."
-    return text + _beside(sweep, branch, part, values, unit)
+    return text + _rise(branch, values, at, unit)
+
+
+def _rise(branch: xr.Dataset, values: NDArray[Any], at: NDArray[Any], unit: str) -> str:
+    """The last place where more torque means markedly deeper separation; empty: none.
+
+    By the middle of three neighbours each, so that no single motion stands for a rise.
+    """
+    if at.size < NEIGHBOURS:
+        return ""
+    depth = np.median(np.lib.stride_tricks.sliding_window_view(_depths(branch)[at], 3), axis=1)
+    ahead = np.maximum.accumulate(depth[::-1])[::-1]
+    risen = np.flatnonzero(ahead >= RISE * depth)
+    if not risen.size:
+        return ""
+    low = int(risen[-1])
+    high = low + int(np.argmax(depth[low:]))
+    # From the bottom of the hollow before the hump.
+    deeper = np.flatnonzero(depth[:low] > depth[high])
+    begin = int(deeper[-1]) + 1 if deeper.size else 0
+    low = begin + int(np.argmin(depth[begin:high]))
+    ends = [f"{depth[i]:.3g} µrad near {values[at[i + 1]]:g} {unit}" for i in (low, high)]
+    return f" **More torque is not always better**: separation rises from {ends[0]} to {ends[1]}."
 
 
 def _parting(branch: xr.Dataset) -> NDArray[Any]:
@@ -105,11 +133,11 @@ def _beside(sweep: xr.Dataset, rest: xr.Dataset, part: NDArray[Any], values: NDA
     widest = sorted(wide, key=lambda run: run[0] - run[1])
     at, start = sum(widest[0]) // 2, str(found["start"].values)
     more = "most of them at " * (len(wide) > MOST)
-    return (f" **Beside them**, {START_NAMES.get(start, start)}, other motions live at "
-            f"{100 * size / part.sum():.0f} % of these torques ({more}"
+    return (f"**{WAYS.get(start, START_NAMES.get(start, start))} other motions live** than "
+            f"{START_NAMES.get(str(rest['start'].values), 'the first').removeprefix('each ')} at "
+            f"{100 * size / part.sum():.0f} % of the torques at which the teeth part ({more}"
             f"{listed(sorted(widest[:MOST]), values)} {unit}): at {values[at]:g} {unit} "
-            f"{_depths(found)[at]:.4g} µrad deep instead of "
-            f"{_depths(rest)[at]:.4g}.")
+            f"{_depths(found)[at]:.4g} µrad deep instead of {_depths(rest)[at]:.4g}. ")
 
 
 def of_responses(responses: Any) -> str:

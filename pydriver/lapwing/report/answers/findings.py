@@ -18,7 +18,7 @@ from lapwing.report.answers.besides import besides
 from lapwing.report.answers.choice import TERMS, choice, unanswered
 from lapwing.report.answers.conditions import UNKNOWN, Conditions
 from lapwing.report.answers.drift import drifts
-from lapwing.report.answers.evidence import failures, together
+from lapwing.report.answers.evidence import Seen, failures, together
 from lapwing.report.answers.source import against_source
 from lapwing.report.answers.torque import Torque
 from lapwing.report.attractors import along
@@ -156,14 +156,20 @@ class _Told(Torque):
         above = seen.above(seen.last)
         if not above.values.size:
             return f"{head}, the highest torque with a result: where they end is not known."
-        below = seen.where(seen.values < seen.last)
-        bands = ""
-        if below.values.size and not below.seen.all():
-            bands = (f" It is no sharp threshold: at {int((~below.seen).sum())} of the "
-                     f"{plural(below.values.size, 'torque')} looked at below it there were none "
-                     "either.")
         return (f"{head}: none {self.at(above.values, 'looked at above it')}, in "
-                f"{_cycles(above.cycles.sum())}{self._rate(seen.last)}.{bands}")
+                f"{_cycles(above.cycles.sum())}{self._rate(seen.last)}."
+                + self._no_threshold(seen.where(seen.values < seen.last)))
+
+    def _no_threshold(self, below: Seen) -> str:
+        """At how many torques below the last back impact none, or not every start, has one."""
+        without = np.concatenate([one.values[(one.motions > 0) & ~one.back] for one in self.looks
+                                  if one.back is not None])
+        none = int((~below.seen).sum())
+        some = int((below.seen & np.isin(below.values, without)).sum())
+        of = f" of the {plural(below.values.size, 'torque')} looked at below it"
+        told = [f"at {none}{of} none was seen either"] if none else []
+        told += [f"at {some}{' more' if none else of} not from every start"] if some else []
+        return f" It is no sharp threshold: {', '.join(told)}." if told else ""
 
     def _rate(self, last: float | None) -> str:
         """The limit of the rate of back impacts beyond the last one, where one is known."""
