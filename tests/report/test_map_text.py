@@ -71,7 +71,7 @@ def test_a_whole_map_in_words(plane):
     assert f"separation seen up to braking torque {seen:g} N·m" in said and "may hold" not in said
     assert "none of 48 failed" in text and "T_full (N·m)" in text
     assert text.count("| 8 of 8 |") == 6
-    assert headline(plane).startswith("48 of 48 runs have a result, over pinion speed and brake")
+    assert headline(plane).startswith("48 of 48 runs have a result, over pinion speed and braking")
 
 
 @pytest.mark.parametrize("status", [Status.UNFINISHED, Status.TOO_MANY_EVENTS])

@@ -94,7 +94,7 @@ STUDIES = {study.kind: study for study in (
     Study("basins", "basin plane", "deck.keys.basins:BasinsKeys",
           "studies.attractors.basins_study", "report.attractors.basins", ("attractors.basins",),
           turn=8, place=8),
-    Study("attractors", "line of attractors", "deck.keys.attractors:AttractorsKeys",
+    Study("attractors", "attractor line", "deck.keys.attractors:AttractorsKeys",
           "studies.attractors.study", "report.attractors.along", ("attractors.attractor_shares",),
           turn=7, place=7))}
 

@@ -69,22 +69,32 @@ def section(diagrams: list[xr.Dataset], results: Results) -> list[str]:
 
 def headline(data: xr.Dataset) -> str:
     """Branches, and where rattling ends."""
-    count = int(data["branch"].values.max(initial=0))
-    known = plural(count, "branch").replace("branchs", "branches")
     last = _intervals(data)[-1:]
     end = f"; rattling ends at {last[0][1].words(data)}" if last else \
         "; no rattling was found above T_full" if "kept" in data.attrs else ""
-    return f"{known} of periodic motions along the {parameter_words(data.attrs['parameter'])}{end}"
+    return (f"{_branches(data)} of periodic motions along the "
+            f"{parameter_words(data.attrs['parameter'])}{end}")
 
 
 def findings(data: xr.Dataset) -> list[str]:
-    """Where rattling ends and why, and where raised slowly it dies; none without T_full."""
-    if "kept" not in data.attrs:
+    """Where rattling ends and why, and where raised slowly it dies; else what was followed."""
+    kind, name = data["motion_kind"].values, data.attrs.get("name", "")
+    failed = int((kind == FoundMotion.FAILED).sum())
+    if failed == kind.size:
         return []
-    rows, name = _intervals(data), data.attrs.get("name", "")
+    if "kept" not in data.attrs:
+        periodic = kind == FoundMotion.PERIODIC
+        on = data["motion_branch"].values > 0
+        counts = {"on them": (periodic & on).sum(), "periodic and on none": (periodic & ~on).sum(),
+                  "without a period": (kind == FoundMotion.APERIODIC).sum(),
+                  "in contact throughout": (kind == FoundMotion.ENGAGED).sum(), "failed": failed}
+        told = ", ".join(f"{count} {words}" for words, count in counts.items() if count)
+        return [f"**{_branches(data)} of periodic motions** along the {_span(data)} (branches "
+                f"`{name}`); of {plural(kind.size, 'motion')} looked at {told}."]
+    rows = _intervals(data)
     if not rows:
         return [f"**No rattling above {data.attrs['kept']:.10g} N·m** among the motions looked at "
-                f"and their branches (branches `{name}`)."]
+                f"and their branches (branches `{name}`)." + f" {failed} failed." * bool(failed)]
     last = rows[-1][1]
     said = f"**Rattling ends at T_safe = {last.words(data)}" if last.kind not in OPEN else \
         f"**Rattling reaches {last.value:g} N·m**, {EVENTS[last.kind]}"
@@ -120,7 +130,7 @@ def branches_text(data: xr.Dataset) -> list[str]:
     -------
     list of str, lines of Markdown
     """
-    lines = [f"- {line}" for line in findings(data)]
+    lines = [f"- {line}" for line in findings(data) if "kept" in data.attrs]
     rows = _intervals(data)
     lines += [f"- {_extent(data)}", f"- {_searched(data)}", f"- {_missed(data)}"]
     if rows:
@@ -168,14 +178,24 @@ def _dies(data: xr.Dataset) -> str:
 
 
 def _extent(data: xr.Dataset) -> str:
-    attrs, unit = data.attrs, parameter_unit(data.attrs["parameter"])
     kinds = [SpecialPoint(int(kind)) for kind in data["special_kind"].values]
     told = ", ".join(f"{kinds.count(kind)} {kind.name.lower().replace('_', ' ')}"
                      for kind in SpecialPoint if kind in kinds)
-    span = f"{parameter_words(attrs['parameter'])} {attrs['low']:g} to {attrs['high']:g} {unit}"
+    return (f"{_branches(data)}, {data.sizes.get('point', 0)} points, {_span(data)}; special "
+            f"points by kind: {told or 'none'}")
+
+
+def _branches(data: xr.Dataset) -> str:
+    """How many: '1 branch', '3 branches'."""
     count = int(data["branch"].values.max(initial=0))
-    return (f"{count} branch{'es' * (count != 1)}, {data.sizes.get('point', 0)} points, "
-            f"{span.rstrip()}; special points by kind: {told or 'none'}")
+    return f"{count} branch{'es' * (count != 1)}"
+
+
+def _span(data: xr.Dataset) -> str:
+    """The parameter and its range."""
+    attrs = data.attrs
+    return (f"{parameter_words(attrs['parameter'])} {attrs['low']:g} to {attrs['high']:g} "
+            f"{parameter_unit(attrs['parameter'])}").rstrip()
 
 
 def _searched(data: xr.Dataset) -> str:
@@ -198,14 +218,21 @@ def _searched(data: xr.Dataset) -> str:
 
 def _missed(data: xr.Dataset) -> str:
     """What may have been missed."""
-    each = int(data.attrs["random_starts"])
-    total = int((data["motion_begun"].values == FoundFrom.RANDOM).sum())
-    text = "a branch that no motion looked at leads to is not shown, and not excluded"
-    if not total:
-        return text + ": there were no random starts to bound its share by"
-    return text + (f": with 95 % confidence the share of starts that lead to it is at most "
-                   f"{min(1.0, 3 / each):.2g} at any one value (3/{each}), and at most "
-                   f"{3 / total:.2g} if it is there at all of them (3/{total})")
+    random = data["motion_begun"].values == FoundFrom.RANDOM
+    known = data["motion_kind"].values != FoundMotion.FAILED
+    value = data["motion_value"].values
+    each = min((int(known[random & (value == one)].sum()) for one in np.unique(value[random])),
+               default=0)
+    total = int((random & known).sum())
+    text = "a branch that no motion looked at leads to is not shown, and not excluded: "
+    if not random.any():
+        return text + "there were no random starts to bound its share by"
+    bounds = [f"at most {3 / number:.2g} {where} (3/{number})" for number, where in (
+        (each, "at any one value"), (total, "if it is there at all of them")) if number > 3]
+    if not bounds:
+        return text + "there were too few random starts to bound its share by"
+    return (text + "with 95 % confidence the share of starts that lead to it is "
+            + ", and ".join(bounds))
 
 
 def _ranges(data: xr.Dataset) -> list[str]:

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from scipy.special import betaincinv
 
 from helpers import PAIR, SHIPPED, one_impact_orbits, scene_c
 from lapwing import TransmissionError, attractors, attractors_along, load_deck, run_deck
@@ -94,11 +95,12 @@ def test_what_was_not_reached_is_said(line):
     assert (part.interrupted, part.reached.values.tolist()) == (1, [1, 1, 0])
     assert np.all(part.period.values[2] == -1) and part.unresolved.values[2] == -1
     assert "**1 not reached**" in along_text(part)[0]
-    assert headline(part).endswith("; 1 values not reached")
+    assert headline(part).endswith("; 1 value not reached")
     assert "2 values" in findings(part)[-1]
-    none = part.copy(deep=True)
-    none["reached"].values[:] = 0
-    assert findings(none) == []
+    for name, value in (("reached", 0), ("period", -1)):
+        none = part.copy(deep=True)
+        none[name].values[:] = value
+        assert findings(none) == []
     empty = none.isel(attractor=slice(0, 0))
     assert along_text(empty)[-1] == "- no motion was recognised: nothing is known"
     assert not shows(empty)
@@ -125,6 +127,13 @@ def test_words(line):
     lost = line.copy(deep=True)
     lost["unresolved"].values[2] = 3
     assert findings(lost)[-1].endswith("Of 3 runs the end is not known.")
+    # The upper limit of 3 of 64: those of which the end is not known may lead to it.
+    assert f"below {100 * betaincinv(4, 61, 0.95):.3g} %, with 95 % confidence" \
+        in findings(lost)[-1]
+    none = lost.copy(deep=True)
+    none["unresolved"].values[2] = 64
+    assert "is not excluded. Of 64 runs" in findings(none)[-1]
+    assert "attract no other" in findings(line.assign_attrs(restitution=1.0))[-1]
     lost["failed"].values[-1] = 1  # whether that one rattles is not known
     assert len(findings(lost)) == 1 and not quiet_values(lost).size
     assert max(rattling_torques([line])) == 12.4

@@ -136,6 +136,19 @@ def test_words_where_something_is_missing(plane):
     one = plane.copy(deep=True)
     one["runs_ended"].values[:] = [1600, 0]
     assert "all starts lead to one motion" in findings(one)[0]
+    one["attractor_of_run"].values[0, 0] = 0
+    assert "all starts whose end is known lead to one motion" in findings(one)[0]
+
+
+def test_of_many_motions_some_are_told(plane):
+    many = plane.isel(attractor=[0] + [1] * 7).assign_attrs(restitution=1.0).copy(deep=True)
+    many["share"].values[:] = [0.02, 0.3, 0.2, 0.01, 0.1, 0.07, 0.14, 0.16]
+    (sentence,) = findings(many)
+    assert "the start decides between 8 motions" in sentence
+    assert all(f"{share} % " in sentence for share in (30, 20, 14, 16))
+    assert "10 % in 3 others; of other starts" in sentence and "each is one of many" in sentence
+    many["attractor_of_run"].values[0, 0] = 0
+    assert "the start decides between at least 8 motions" in findings(many)[0]
 
 
 def test_the_torque_at_which_starts_rattle_is_not_enough(plane):

@@ -11,6 +11,8 @@ from lapwing.base.codes import FoundFrom, FoundMotion, SpecialPoint
 from lapwing.deck import DeckError, load_deck
 from lapwing.deck.used import used_hash, used_text
 from lapwing.report.answers.findings import findings
+from lapwing.report.branches import branches_text
+from lapwing.report.branches import findings as branches_findings
 from lapwing.results import read_results
 from lapwing.run import run_deck
 
@@ -111,6 +113,28 @@ def test_what_is_said(outcome, diagram):
     assert "(3/12)" in text and "(3/36)" in text
     head, = [line for line in outcome.headlines if "rattling ends" in line]
     assert f"rattling ends at {digits}" in head
+
+
+def test_starts_that_failed_bound_no_share(diagram):
+    lost = diagram.copy(deep=True)
+    random = np.flatnonzero(lost["motion_begun"].values == FoundFrom.RANDOM)
+    lost["motion_kind"].values[random[:4]] = FoundMotion.FAILED
+    text = "\n".join(branches_text(lost))
+    assert "at most 0.38 at any one value (3/8)" in text and "(3/32)" in text
+    lost["motion_kind"].values[random[:10]] = FoundMotion.FAILED
+    assert "the share of starts that lead to it is at most 0.12 if it" in "\n".join(
+        branches_text(lost))
+    lost["motion_kind"].values[random] = FoundMotion.FAILED
+    del lost.attrs["kept"]
+    motions, on = (int(one.sum()) for one in (lost["motion_kind"] != FoundMotion.FAILED,
+                                              lost["motion_branch"] > 0))
+    told = branches_findings(lost)[0]
+    assert "of periodic motions** along the braking torque 0.4 to 1.2 N·m" in told
+    assert f"of {motions + 36} motions looked at" in told and told.endswith(", 36 failed.")
+    assert on >= int(told.split(" looked at ")[1].split()[0])
+    lost["motion_kind"].values[:] = FoundMotion.FAILED
+    assert branches_findings(lost) == []
+    assert "too few random starts" in "\n".join(branches_text(lost))
 
 
 def test_the_figure_has_the_sweep_behind_it(diagram, outcome):

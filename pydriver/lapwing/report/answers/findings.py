@@ -140,8 +140,8 @@ class _Told(Torque):
     def failures(self) -> list[str]:
         """What is not covered, where anything else is known."""
         lost = failures([*self.looks, *self.coast])
-        return [f"**{plural(lost, 'motion')} failed numerically**: what they would have shown is "
-                "not covered."] if lost else []
+        return [f"**{plural(lost, 'motion')} failed numerically**: what "
+                f"{'they' if lost > 1 else 'it'} would have shown is not covered."] if lost else []
 
     def _back_sentence(self) -> str:
         seen, word = self.back, f"back {self.law.word}"

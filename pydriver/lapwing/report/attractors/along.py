@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lapwing.base.arrivals import arrivals_in
 from lapwing.report.answers.conditions import Conditions
-from lapwing.report.attractors.words import percent
+from lapwing.report.attractors.words import lossless, percent
 from lapwing.report.words import markdown, parameter_unit, parameter_words, plural, sections
 
 if TYPE_CHECKING:
@@ -39,14 +39,15 @@ def headline(data: xr.Dataset) -> str:
     return (f"{plural(data.sizes['attractor'], 'attractor')} along "
             f"{plural(int(reached.sum()), 'value')} of "
             f"{parameter_words(str(data.attrs['parameter']))}"
-            + f"; {unresolved} runs not resolved" * bool(unresolved)
-            + f"; {open_} values not reached" * bool(open_) + f"; {failed} failed" * bool(failed))
+            + f"; {plural(unresolved, 'run')} not resolved" * bool(unresolved)
+            + f"; {plural(open_, 'value')} not reached" * bool(open_)
+            + f"; {failed} failed" * bool(failed))
 
 
 def findings(data: xr.Dataset) -> list[str]:
-    """What it answers, as a sentence or two in Markdown; none where no value was reached."""
+    """What it answers, as a sentence or two in Markdown; none where no motion was recognised."""
     reached = data["reached"].values == 1
-    if not reached.any():
+    if not (data["period"].values[reached] >= 0).any():
         return []
     name, runs = str(data.attrs["parameter"]), int(data.attrs["runs"])
     values, unit = data[name].values[reached], parameter_unit(name)
@@ -58,15 +59,16 @@ def findings(data: xr.Dataset) -> list[str]:
     if quiet.size:
         conditions = Conditions.of(data.attrs, float(data.attrs.get("pinion_teeth", math.nan)))
         told = "; ".join(filter(None, [conditions.words(data.attrs),
-                                       f"{runs} random starts"
+                                       plural(runs, "random start")
                                        + f" at each of {quiet.size} values" * (quiet.size > 1)]))
         where = ("from " if quiet.size > 1 else "at ") + _span(quiet, unit)
         safe = [f"**No start rattles {where}" + " on the gear" * (name == "brake_torque")
                 + f"** ({told})."]
-    coexist = "coexist" + "s" * (most == 1)
-    said = [f"**Up to {plural(most, 'motion')} {coexist}** ({_span(at, unit)}), along {words} "
-            f"{_span(values, unit)}, from {runs} random starts at each of "
-            f"{plural(values.size, 'value')} (attractors `{data.attrs['name']}`)"]
+    coexist = f"Up to {most} motions coexist** ({_span(at, unit)})" if most > 1 \
+        else "No two motions were found together**"
+    said = [f"**{coexist}, along {words} {_span(values, unit)}, from "
+            f"{plural(runs, 'random start')} at each of {plural(values.size, 'value')} "
+            f"(attractors `{data.attrs['name']}`)"]
     moves = _rattles(data)[reached]
     rattling = np.nansum(np.where(moves, data["share"].values[reached], 0.0), axis=1)
     last = np.flatnonzero(moves.any(axis=1))
@@ -77,11 +79,22 @@ def findings(data: xr.Dataset) -> list[str]:
                     + " (the last one looked at)" * bool(last[-1] == values.size - 1))
     else:
         said.append("no separation was found")
-    lost = int((data["unresolved"].values[reached] + data["failed"].values[reached]).sum())
-    least = percent(1 - 0.05 ** (1 / runs))
-    return [*safe, "; ".join(said) + ". A motion that no start led to is not excluded: its share "
-            f"of the starts at a value is below {least}, with 95 % confidence."
-            + f" Of {plural(lost, 'run')} the end is not known." * bool(lost)]
+    lost = data["unresolved"].values[reached] + data["failed"].values[reached]
+    return [*safe, "; ".join(said) + ". A motion that no start led to is not excluded"
+            + f"{_bound(lost, runs)}."
+            + f" Of {plural(int(lost.sum()), 'run')} the end is not known." * bool(lost.any())
+            + lossless(data.attrs)]
+
+
+def _bound(lost: NDArray[Any], runs: int) -> str:
+    """Below which share of the starts a motion that none led to lies: those lost may lead to it."""
+    from scipy.special import betaincinv
+
+    most = int(lost.max())
+    if most >= runs:
+        return ""
+    return (": its share of the starts at a value is below "
+            f"{percent(float(betaincinv(most + 1, runs - most, 0.95)))}, with 95 % confidence")
 
 
 def rattling_torques(lines: Sequence[xr.Dataset]) -> list[float]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from lapwing.base.arrivals import arrivals_in
 from lapwing.base.codes import Status
-from lapwing.report.attractors.words import attractor_rows, motion_words, percent
+from lapwing.report.attractors.words import attractor_rows, lossless, motion_words, percent
 from lapwing.report.words import markdown, plural, sections
 from lapwing.results.findings import endings
 
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
     from lapwing.results import Results
 
+# Motions of which a sentence tells: those with the largest shares.
+MOST_TOLD = 5
 PLANES = {"state": "states (φ, dφ/dτ)", "drive": "arrivals at the drive flank (phase, speed)",
           "coast": "arrivals at the coast flank (phase, speed)"}
 
@@ -46,19 +48,27 @@ def findings(data: xr.Dataset) -> list[str]:
     if not (data["attractor_of_run"].values > 0).any():
         return []
     labels, motions = data["attractor_of_run"].values, data["runs_ended"].values > 0
-    lost = int((labels <= 0).sum())
+    lost, there = int((labels <= 0).sum()), np.flatnonzero(motions)
+    told, rest = there, 0.0
+    if there.size > MOST_TOLD:
+        parts = data["share"].values
+        told = np.sort(there[np.argsort(-parts[there], kind="stable")[:MOST_TOLD]])
+        rest = float(parts[np.setdiff1d(there, told)].sum())
     shares = [f"{percent(float(one['share']))} in {motion_words(one, data)}"
-              for i in np.flatnonzero(motions) for one in (data.isel(attractor=i),)]
+              for i in told for one in (data.isel(attractor=i),)]
+    if rest:
+        shares.append(f"{percent(rest)} in {there.size - MOST_TOLD} others")
     state = data.attrs["plane"] == "state"
     what = "the start" if state else f"an arrival at the {data.attrs['plane']} flank"
-    said = f"{what} decides between {plural(len(shares), 'motion')}" if len(shares) > 1 \
-        else f"all {_starts(data)} lead to one motion"
+    said = f"{what} decides between {'at least ' * bool(lost)}{there.size} motions" \
+        if there.size > 1 else \
+        f"all {_starts(data)}{' whose end is known' * bool(lost)} lead to one motion"
     every = f"of {labels.size - lost} {_starts(data)} {_rectangle(data)} end"
     said = said if "brake_torque" in data.attrs else said[0].upper() + said[1:]
     return [f"**{_torque(data)}{said}**: {shares[0].replace(' in ', f' {every} in ', 1)}"
             + "".join(f"; {one}" for one in shares[1:]) + f"; of other starts the shares are others"
             f" (basins `{data.attrs['name']}`)."
-            + f" Of {lost} the end is not known." * bool(lost)]
+            + f" Of {lost} the end is not known." * bool(lost) + lossless(data.attrs)]
 
 
 def rattling_torques(planes: Sequence[xr.Dataset]) -> list[float]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from lapwing.base.arrivals import arrivals_in
 from lapwing.report.ensemble.text import limits
@@ -20,7 +20,15 @@ def percent(share: float) -> str:
         return "not known"
     if 0 < share < 1e-3:
         return "< 0.1 %"
-    return "> 99.9 %" if 0.999 < share < 1 else f"{100 * share:.3g} %"
+    # A sum of parts that are all may be short of it by rounding.
+    return "> 99.9 %" if 0.999 < share < 1 - 1e-12 else f"{100 * share:.3g} %"
+
+
+def lossless(attrs: Mapping[str, Any]) -> str:
+    """What motions that starts lead to are where an impact loses nothing, as a sentence."""
+    if attrs["contact_law"] == "compliant" or attrs.get("restitution") != 1:
+        return ""
+    return " Impacts lose nothing: motions that only strike attract no other, each is one of many."
 
 
 def choice(torques: Sequence[float]) -> list[str]:
@@ -34,6 +42,7 @@ def choice(torques: Sequence[float]) -> list[str]:
     -------
     list of str, a sentence in Markdown; none without a torque
     """
+    torques = [one for one in torques if one >= 0]  # Below it the coast flanks are pressed.
     if not torques:
         return []
     return [f"**This run does not say which torque keeps contact**; {max(torques):g} "

@@ -96,7 +96,7 @@ def of_force(find: str, criterion: Callable[..., Any], pair: GearPair, te: Trans
         _check_law(find, rest)
         needed = _needed(criterion, rest)
         outcome = needed.reason or "found"
-        value = (needed.force - rest.force) / (unit.force - rest.force)
+        value = (needed.force - rest.force) / (unit.force - rest.force) + 0.0  # -0 is 0
         known = outcome == "found"
         return found(settings(rest, pair=pair, varied=(parameter,)), find, parameter, outcome,
                      value if known else math.nan, 0.0 if known else math.nan, phase=needed.phase)

@@ -142,15 +142,15 @@ class Bordered:
             for k in (at, before)])
         values = np.concatenate([two.ravel(), one.ravel()])
         if size <= MOST_DENSE:
-            from scipy.linalg import lu_factor, lu_solve
+            from scipy.linalg.lapack import dgetrf, dgetrs
 
             matrix = np.zeros((size, size))
             np.add.at(matrix, (rows, columns), values)
             matrix[:-1, -1], matrix[-1] = by_value, row
-            with np.errstate(all="ignore"):
-                factors = lu_factor(matrix, check_finite=False)
-            self._solve: Any = lambda right, transposed: lu_solve(
-                factors, right, trans=int(transposed), check_finite=False)
+            # A singular matrix is seen in `solve`; `scipy.linalg.lu_factor` would warn of it, too.
+            factors, pivots, _ = dgetrf(matrix)
+            self._solve: Any = lambda right, transposed: dgetrs(
+                factors, pivots, right, trans=int(transposed))[0]
         else:
             from scipy.sparse import coo_matrix, vstack
             from scipy.sparse.linalg import splu
