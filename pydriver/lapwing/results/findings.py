@@ -146,8 +146,8 @@ def names(starts: list[str]) -> str:
 
 
 # Kinds of motion in words, by what arrives at the flanks and after how many mesh cycles it repeats.
-KINDS = ("engaged throughout", "no arrivals, not engaged throughout", "period 1", "period 2",
-         "periods 3 and 4", "longer periods", "period 1, back impacts",
+KINDS = ("engaged throughout", "no impacts at the end, not engaged throughout", "period 1",
+         "period 2", "periods 3 and 4", "longer periods", "period 1, back impacts",
          "longer periods, back impacts", "no period found", "no period found, back impacts")
 
 

@@ -124,28 +124,33 @@ def _panel(axis: Axes, data: xr.Dataset, answer: Answer) -> None:
             continue
         if np.isfinite(low) and np.isfinite(high) and high > low:
             axis.axvspan(low, high, color=colour, alpha=0.2, linewidth=0)
-        axis.axvline(found, color=colour, linewidth=1.3)
+        axis.axvline(found, color=colour, linewidth=1.0)
     if answer.name == "full_engagement" and "brake_torque" in data.attrs:
-        axis.axvline(float(data.attrs["brake_torque"]), color=style.GREEN, linewidth=1.5,
-                     linestyle=(0, (5, 2)))
+        axis.axvline(float(data.attrs["brake_torque"]), color=style.GREEN, linewidth=2.6)
     axis.margins(x=0.02)
     style.upward_ticks(axis, integer=True)
 
 
 def _legend(figure: Figure, data: xr.Dataset) -> None:
     """What the lines mean, below all panels."""
+    from matplotlib.legend_handler import HandlerTuple
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    handles: list[Any] = [Line2D([], [], color=colour, linewidth=1.3, label=f"{words}"
+    handles: list[Any] = [Line2D([], [], color=colour, linewidth=1.0, label=f"{words}"
                       + " of pairs have at most" * (level != 0.5))
                for level, (words, colour) in MARKED.items()]
     if int(data.attrs["scrambles"]) >= 0:
-        handles.append(Patch(color="0.5", alpha=0.3, linewidth=0, label="95 % limits of it"))
+        handles.append(tuple(Patch(color=colour, alpha=0.2, linewidth=0)
+                             for level, (_, colour) in MARKED.items() if level != 0.5))
     if "full_engagement" in data and "brake_torque" in data.attrs:
-        handles.append(Line2D([], [], color=style.GREEN, linewidth=1.5, linestyle=(0, (5, 2)),
-                              label="torque of the runs"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+        handles.append(Line2D([], [], color=style.GREEN, linewidth=2.6,
+                              label=f"torque of the runs, {float(data.attrs['brake_torque']):g} "
+                              "N·m"))
+    labels = ["95 % limits of the lines" if isinstance(one, tuple) else str(one.get_label())
+              for one in handles]
+    figure.legend(handles, labels, handler_map={tuple: HandlerTuple(None)},
+                  loc="outside lower center", ncols=3)
 
 
 __all__ = ["draw"]

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lapwing.base.arrivals import arrivals_in
+from lapwing.report.answers.conditions import Conditions
 from lapwing.report.ensemble.text import SAMPLINGS, limits, percent, rank_words
-from lapwing.report.words import parameter_unit, parameter_words, plural
+from lapwing.report.words import parameter_unit, parameter_words
 from lapwing.results.findings import endings, parameters_of
 
 if TYPE_CHECKING:
@@ -112,9 +113,33 @@ def _choice(ensembles: list[xr.Dataset]) -> str:
     if not sure:
         return (f"**No torque that was run surely keeps {part} of pairs together**: look at "
                 f"higher ones than {max(stay):g} {unit}, or at more pairs.")
-    return (f"**Choose {min(sure):g} {unit}**: it keeps {part} of pairs together, the least of "
-            f"{plural(len(stay), 'torque')} run at which the 95 % limits say so; a start other "
-            "than from rest, a longer look or other tolerances may move it.")
+    least, below = min(sure), [torque for torque in stay if torque < min(sure)]
+    chance = percent(stay[least])
+    next_ = f" At {max(below):g} {unit}, the next below, {part} are not sure." if below else \
+        " Lower torques were not run."
+    return (f"**Choose {least:g} {unit} on the gear**{_conditions(tried[0])}: there at least "
+            f"{chance} of pairs keep contact (95 % confidence).{next_} A start other than from "
+            "rest, a longer look or other tolerances may move it. "
+            + _tolerances(tried[0])).rstrip()
+
+
+def _conditions(data: xr.Dataset) -> str:
+    """Speed and impact law, as far as they are the same for all pairs."""
+    words = Conditions.of(data.attrs, float(data.attrs.get("pinion_teeth", math.nan))).words(
+        data.attrs)
+    return f" ({words})" if words else ""
+
+
+def _tolerances(data: xr.Dataset) -> str:
+    """What was drawn, and how far it spreads."""
+    told = []
+    for name in parameters_of(data):
+        values, unit = data[name].values, parameter_unit(name)
+        factor, unit = (1e6, "µrad") if unit == "rad" else (1.0, unit)
+        middle, spread = (float(f"{factor * of(values):.{digits}g}")
+                          for of, digits in ((np.mean, 3), (np.std, 2)))
+        told.append(f"{parameter_words(name)} {middle:g} ± {spread:g} {unit}".rstrip())
+    return f"Drawn were (mean ± standard deviation) {', '.join(told)}." if told else ""
 
 
 def _answer(data: xr.Dataset) -> tuple[str, str]:

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from lapwing.base.arrivals import arrivals_in
 from lapwing.base.codes import Status
-from lapwing.report.words import bands, parameter_unit, parameter_words, plural
+from lapwing.report.words import bands, parameter_unit, parameter_words, plural, runs_of
 from lapwing.results.findings import START_NAMES, map_rattles, map_separates
 
 if TYPE_CHECKING:
     import xarray as xr
 
-# Values of the other axis at which the torque to choose is told in a sentence.
-COLUMNS_TOLD = 5
+# About so many ranges of the other axis of which the torque to choose is told in a sentence.
+COLUMNS_TOLD = 6
 
 
 def findings(data: xr.Dataset) -> list[str]:
@@ -26,17 +26,16 @@ def findings(data: xr.Dataset) -> list[str]:
         return []
     x, y = (str(data.attrs[f"{side}_parameter"]) for side in "xy")
     law, seen = arrivals_in(data.attrs), map_separates(data).values
-    kept = 100 * (1 - map_rattles(data).values[known].mean())
     lost = int((~known).sum())
     begun = START_NAMES[data.attrs["start"]].removeprefix("each ")
-    said = [f"**Over {span_words(data, x)} and {span_words(data, y)} drive flank contact was kept "
-            f"in {kept:.3g} %** of " + f"{int(known.sum())} of " * bool(lost)
-            + f"{plural(known.size, 'run')} {begun} (map `{data.attrs['name']}`)"]
+    said = [f"**Over {span_words(data, x)} and {span_words(data, y)}** ("
+            + f"{int(known.sum())} of " * bool(lost)
+            + f"{plural(known.size, 'run')} {begun}, map `{data.attrs['name']}`)"]
     back = (data["back_arrivals"].values > 0) & known
     for what, where in (("separation", seen), (f"back {law.word}s", back)):
         said.append(f"{what} seen up to {last_seen(data, where)}" if where.any()
                     else f"no {what} seen")
-    return [*_choice(data), "; ".join(said) + "."
+    return [*_choice(data), f"{said[0]} {'; '.join(said[1:])}."
             + f" {plural(lost, 'run')} without a result may hold others." * bool(lost),
             *_above_full(data, begun)]
 
@@ -55,17 +54,35 @@ def _choice(data: xr.Dataset) -> list[str]:
     values, of = data[other].values, parameter_unit(other)
     alone = " One start alone was tried: another motion may live beside it."
     if known.all() and np.ptp(quiet) == 0:
-        return [f"**Choose at least {quiet[0]:g} {unit}**: nothing that was run rattles from there "
-                f"on.{alone}"]
-    there = np.flatnonzero(known)
-    some = np.union1d(there[np.linspace(0, there.size - 1, COLUMNS_TOLD).round().astype(int)],
-                      np.nanargmax(quiet))
-    told = ", ".join(f"{quiet[i]:g} {unit} at {values[i]:g} {of}".rstrip() for i in some)
+        return [f"**Choose at least {quiet[0]:g} {unit} on the gear**: nothing that was run "
+                f"rattles from there on.{alone}"]
+    # A torque at some speeds alone would be taken for those between, too: peaks are narrow.
+    told = "; ".join(f"{_most(quiet[first:end + 1], torques)} {_range(values, first, end)} "
+                     f"{of}".rstrip() for first, end in _parts(known))
     beyond = "" if known.all() else (
-        f"; at {bands(values, ~known)} {of}".rstrip() + f" it is more than {torques[-1]:g} {unit}, "
-        "or not known")
-    return [f"**Choose by the {words}**: the least from which on nothing that was run rattles is "
-            f"{told}{beyond}; more in the table below.{alone}"]
+        f"; at {bands(values, ~known)} {of}".rstrip() + f" more than the {torques[-1]:g} {unit} "
+        "looked at, or not known")
+    return [f"**Choose by the {words}** (on the gear; the most that is needed over each range, "
+            f"from which on nothing that was run rattles): {told}{beyond}; beyond "
+            f"{values[0]:g} and {values[-1]:g} {of}".rstrip() + f" nothing was looked at.{alone}"]
+
+
+def _parts(known: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and last index of the ranges that are told, each known throughout."""
+    size = max(-(-int(known.sum()) // COLUMNS_TOLD), 1)
+    return [(int(part[0]), int(part[-1])) for first, end in runs_of(known)
+            for part in np.array_split(np.arange(first, end + 1), -(-(end + 1 - first) // size))]
+
+
+def _most(needed: NDArray[Any], torques: NDArray[Any]) -> str:
+    """The greatest torque needed; one at the edge is said to be there."""
+    most = needed.max()
+    edge = {torques[-1]: " (the highest looked at)", torques[0]: " (the lowest looked at)"}
+    return f"{most:g} {parameter_unit('brake_torque')}{edge.get(most, '')}"
+
+
+def _range(values: NDArray[Any], first: int, end: int) -> str:
+    return f"at {values[first]:g}" if first == end else f"from {values[first]:g} to {values[end]:g}"
 
 
 def choices(data: xr.Dataset) -> tuple[str, NDArray[Any], NDArray[Any]] | None:
