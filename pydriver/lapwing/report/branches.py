@@ -70,7 +70,8 @@ def section(diagrams: list[xr.Dataset], results: Results) -> list[str]:
 def headline(data: xr.Dataset) -> str:
     """Branches, and where rattling ends."""
     last = _intervals(data)[-1:]
-    end = f"; rattling ends at {last[0][1].words(data)}" if last else \
+    end = f"; rattling {'reaches' if last[0][1].kind in OPEN else 'ends at'} " \
+        f"{last[0][1].words(data)}" if last else \
         "; no rattling was found above T_full" if "kept" in data.attrs else ""
     return (f"{_branches(data)} of periodic motions along the "
             f"{parameter_words(data.attrs['parameter'])}{end}")

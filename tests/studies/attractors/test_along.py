@@ -11,6 +11,7 @@ from lapwing import TransmissionError, attractors, attractors_along, load_deck, 
 from lapwing.plots import figure_of
 from lapwing.plots.attractors.attractor_shares import shows
 from lapwing.plots.attractors.parts import CONTACT
+from lapwing.report.answers.findings import findings as findings_of_all
 from lapwing.report.attractors.along import (
     along_text,
     findings,
@@ -97,6 +98,8 @@ def test_what_was_not_reached_is_said(line):
     assert "**1 not reached**" in along_text(part)[0]
     assert headline(part).endswith("; 1 value not reached")
     assert "2 values" in findings(part)[-1]
+    assert findings_of_all((), (), (), lines=[part])[0].startswith(
+        "**The run was stopped before its end**: attractors `part` lacks 1 of 3 values.")
     for name, value in (("reached", 0), ("period", -1)):
         none = part.copy(deep=True)
         none[name].values[:] = value

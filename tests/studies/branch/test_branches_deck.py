@@ -11,7 +11,7 @@ from lapwing.base.codes import FoundFrom, FoundMotion, SpecialPoint
 from lapwing.deck import DeckError, load_deck
 from lapwing.deck.used import used_hash, used_text
 from lapwing.report.answers.findings import findings
-from lapwing.report.branches import branches_text
+from lapwing.report.branches import branches_text, headline
 from lapwing.report.branches import findings as branches_findings
 from lapwing.results import read_results
 from lapwing.run import run_deck
@@ -113,6 +113,12 @@ def test_what_is_said(outcome, diagram):
     assert "(3/12)" in text and "(3/36)" in text
     head, = [line for line in outcome.headlines if "rattling ends" in line]
     assert f"rattling ends at {digits}" in head
+
+
+def test_rattling_does_not_end_with_the_values(diagram):
+    cut = diagram.copy(deep=True)
+    cut["rattling_high_kind"].values[-1] = SpecialPoint.LIMIT
+    assert "; rattling reaches " in headline(cut) and "rattling ends" not in headline(cut)
 
 
 def test_starts_that_failed_bound_no_share(diagram):

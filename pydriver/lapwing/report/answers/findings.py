@@ -55,7 +55,7 @@ def findings(responses: Any, criticals: Any, sweeps: Any, missing: Any = (),
     -------
     list of str, each a sentence or two in Markdown
     """
-    stopped = _stopped([*sweeps, *maps, *ensembles, *basins], missing)
+    stopped = _stopped([*sweeps, *maps, *ensembles, *basins], lines, missing)
     torque = _Told(responses, criticals, sweeps, conditions, diagrams)
     said, drifting = torque.sentences(), drifts(responses)
     # Where no torque was searched what was looked at comes first.
@@ -110,7 +110,7 @@ def on_console(found: Any, width: int = 100) -> str:
         break_long_words=False, break_on_hyphens=False) for sentence in plain)
 
 
-def _stopped(sweeps: Any, missing: Any) -> list[str]:
+def _stopped(sweeps: Any, lines: Any, missing: Any) -> list[str]:
     """What the deck asked for and did not get."""
     parts = [f"{kind} `{name}` has no result" for kind, name in missing]
     for sweep in sweeps:
@@ -121,6 +121,11 @@ def _stopped(sweeps: Any, missing: Any) -> list[str]:
                 ("ensemble", "runs") if "sampling" in sweep.attrs else ("sweep", "points")
             parts.append(f"{kind} `{sweep.attrs.get('name', '')}` lacks {open_} of "
                          f"{sweep['status'].size} {each}")
+    for line in lines:
+        reached = line["reached"].values == 1
+        if not reached.all():
+            parts.append(f"attractors `{line.attrs.get('name', '')}` lacks {(~reached).sum()} of "
+                         f"{reached.size} values")
     return ["**The run was stopped before its end**: " + "; ".join(parts) + ". What follows rests "
             "on the rest."] if parts else []
 
