@@ -56,6 +56,13 @@ DECKS = {
                         "vanish? From 11.92 N·m on contact can last, but up to 12.17 N·m half of "
                         "the starts rattle on, at 12.4 N·m still a quarter, in one motion after "
                         "the other, each over a range of torque of its own.",
+    "branches_25x32": "Why rattling ends where it ends: every periodic motion that was found, "
+                      "followed in the torque, stable or not. The last stable rattling meets an "
+                      "unstable one in a fold at 12.42754 N·m; what is raised slowly dies before, "
+                      "at 12.404 N·m.",
+    "branches_25x32_relative": "The same under the physical impact law: rattling shrinks away and "
+                               "ends in a fold 0.00001 N·m above the torque from which contact "
+                               "can be kept.",
     "minimal": "The shortest deck.",
 }
 FIGURES = {
@@ -75,6 +82,8 @@ FIGURES = {
     "attractor_shares": "Attractors along the braking torque, each followed from value to value, "
                         "and the share of random starts that end in each.",
     "basins": "Basins: each start in the colour of the motion it leads to, these motions drawn in.",
+    "bifurcation": "Bifurcation diagram: branches of periodic motions, stable solid, unstable "
+                   "dashed, over what the sweep saw; marked: where a branch ends or turns.",
     "distributions": "How each answer is distributed among pairs, with the limits of its "
                      "quantiles.",
     "tornado": "Which parameter matters most for each answer.",
