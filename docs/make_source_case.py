@@ -158,7 +158,9 @@ def short(results, name):
             f"back impacts are seen up to the end of the search, {attrs['scan_from']:g} N·m"
     full = results.critical("T_full").attrs["estimate"]
     same = bool(abs(attrs["estimate"] - full) <= attrs["bar"])
-    return label_of(critical) + (
+    found = "T_safe = " + " ± ".join(decimals(attrs["estimate"], attrs["bar"])) + " N·m" \
+        if attrs["outcome"] == "found" else label_of(critical)
+    return found + (
         ", which is T_full within its bar: above it no rattling was seen" * same)
 
 
