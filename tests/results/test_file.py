@@ -219,3 +219,16 @@ def test_cf_conventions(path, tmp_path):
                 str(tmp_path / f"{name}.nc"), ["cf:1.11"], 0, "strict",
                 output_filename=str(report), output_format="text")
             assert passed and not errors, report.read_text()
+
+
+def test_the_operation_is_that_of_the_deck(write, tmp_path):
+    path = tmp_path / "result.nc"
+    write(path, used_text="! mesh_frequency_hz = 9\n&scene\n  count_depth = 0.01\n/\n\n&operation\n"
+                          "  ! drive_torque: left out, the balance T_l/i12\n"
+                          "  brake_torque = 1.8\n  pinion_speed_rpm = 2.4e2  ! default\n/\n\n"
+                          "&response\n  brake_torque = 12.0\n/\n")
+    with read_results(path) as results:
+        assert results.operation == {"brake_torque": 1.8, "pinion_speed_rpm": 240.0}
+    write(path)
+    with read_results(path) as results:
+        assert results.operation == {}
