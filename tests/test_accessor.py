@@ -88,8 +88,9 @@ def test_a_table_has_words_for_codes(swept, response, tmp_path):
     table = response.lapwing.table("cycle")
     np.testing.assert_array_equal(table["cycle_phi"], response["cycle_phi"])
     assert "phi" not in table and len(response.lapwing.table()) == response.sizes["event"]
-    with pytest.raises(ValueError, match="one of start, brake_torque"):
-        swept.lapwing.table("time")
+    for wrong in ("time", np.zeros(2), ""):
+        with pytest.raises(ValueError, match="one of start, brake_torque"):
+            swept.lapwing.table(wrong)
 
 
 def test_figures_are_methods(swept, response):

@@ -147,8 +147,9 @@ class LapwingAccessor:
         flag("units", units)
         dims = [str(one) for one in self._dataset.dims]
         usual = [one for one in ("event", "impact", "sample", "cycle") if one in dims]
-        dim = dim or (dims[0] if len(dims) == 1 else usual[0] if usual else None)
-        if dim not in dims:
+        if dim is None:
+            dim = dims[0] if len(dims) == 1 else usual[0] if usual else None
+        if not isinstance(dim, str) or dim not in dims:
             raise ValueError(wrong("dim", dim, f"one of {', '.join(dims)}"))
         columns: dict[str, Any] = {}
         along = {str(name): variable for name, variable in self._dataset.variables.items()

@@ -29,9 +29,12 @@ def test_they_are_the_map(made):
         assert found[name].dtype == variable.dtype and found[name].attrs == variable.attrs
         assert np.array_equal(found[name].values, variable.values,
                               equal_nan=variable.dtype == float)
-    for name in ("start", "settle", "record", "shards", "contact_law", "rtol", "interrupted"):
+    for name in ("start", "settle", "record", "shards", "contact_law", "rtol", "interrupted",
+                 "x_parameter", "y_parameter"):
         assert found.attrs[name] == expected.attrs[name]
     assert found.attrs["missing_shards"] == 0
+    assert found.lapwing.figures() == expected.lapwing.figures() != ()
+    assert found.lapwing.map_classes().axes[0].get_ylabel().startswith("braking torque")
 
 
 @pytest.mark.parametrize("at_once", [1, 7, 2**20])

@@ -76,6 +76,8 @@ def open_study(folder: str | os.PathLike[str]) -> xr.Dataset:
                  for name in (*store.kept, *RATES)}
     missing = store.shards - len([i for i in shards_in(place) if i < store.shards])
     said = {name: value for name, value in attrs.items() if name not in _OF_THE_FILE}
+    if kind == "map" and len(axes) == 2:  # what it can be drawn over
+        said |= dict(zip(("x_parameter", "y_parameter"), axes, strict=True))
     return worded(xr.Dataset(variables, coordinates, {
         **said, "shards": store.shards, "missing_shards": missing,
         "interrupted": int(missing > 0)}))
