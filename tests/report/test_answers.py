@@ -210,8 +210,8 @@ def test_responses_alone_give_no_advice(responses):
         mean_acceleration=4.0, mean_speed_first=50 * np.pi, mean_speed_last=51 * np.pi, name="d")
     said = told([drifting])
     assert said[0].startswith("**The pinion does not keep its speed at 1.8 N·m on the gear**: the "
-                              "torques are not in balance, and the mean speed goes from 1500 to "
-                              "1530 rpm in the ")
+                              "torques are not in balance, and the mean speed goes from 157.1 to "
+                              "160.2 rad/s (1500 to 1530 rpm) in the ")
     assert said[1].startswith("**This run does not say")
 
 

@@ -27,10 +27,10 @@ def drifts(responses: Any) -> list[str]:
 
 
 def _sentence(attrs: dict[str, Any]) -> str:
-    first, last = (RPM * attrs[f"mean_speed_{end}"] for end in ("first", "last"))
+    first, last = (attrs[f"mean_speed_{end}"] for end in ("first", "last"))
     seconds = attrs["record_cycles"] * attrs["mesh_period_s"]
     return (f"**The pinion does not keep its speed at {attrs['brake_torque']:g} "
             f"{parameter_unit('brake_torque')} on the gear**: the torques are not in balance, and "
-            f"the mean speed goes from {first:.6g} to {last:.6g} rpm in the "
-            f"{plural(attrs['record_cycles'], 'mesh cycle')} recorded, {seconds:.3g} s "
-            f"({RPM * attrs['mean_acceleration']:+.3g} rpm/s; response `{attrs['name']}`).")
+            f"the mean speed goes from {first:.4g} to {last:.4g} rad/s ({RPM * first:.4g} to "
+            f"{RPM * last:.4g} rpm) in the {plural(attrs['record_cycles'], 'mesh cycle')} "
+            f"recorded, {seconds:.3g} s (response `{attrs['name']}`).")
