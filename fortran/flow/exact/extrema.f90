@@ -21,23 +21,24 @@ contains
 
   !> First time after `from`, which is zero or such a time itself, where the velocity relative to
   !> the flank changes sign.
-  pure subroutine next_turn(scene, curve, from, until, found, s)
+  pure subroutine next_turn(scene, curve, at_turn, from, until, found, s)
     type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc, its series known
+    logical, intent(in) :: at_turn             !! whether `from` is such a time
     real(wp), intent(in) :: from, until        !! times since its beginning
     logical, intent(out) :: found              !! whether there is one
     real(wp), intent(out) :: s                 !! when
     real(wp) :: begin, finish
     integer :: panel
     if (curve%contact .and. scene%form%graded) then
-      call slow_turn(scene, curve, from, until, found, s)
+      call slow_turn(scene, curve, at_turn, from, until, found, s)
       return
     end if
     panel = locate_panel(scene%form, curve%t + from)
     begin = from
     do
       finish = min(scene%form%edge(panel + 1) - curve%t, until)
-      call first_turn(scene, curve, panel, begin > 0 .and. begin == from, begin, finish, found, s)
+      call first_turn(scene, curve, panel, at_turn .and. begin == from, begin, finish, found, s)
       found = found .and. s > from .and. s < until
       if (found .or. finish >= until .or. panel == scene%form%n) return
       begin = finish

@@ -143,10 +143,11 @@ contains
     end do
   end function panel_in_contact
 
-  !> First time after `from`, which is zero or such a time itself, where the velocity changes sign.
-  pure subroutine slow_turn(scene, curve, from, until, found, s)
+  !> First time after `from` where the velocity changes sign.
+  pure subroutine slow_turn(scene, curve, at_turn, from, until, found, s)
     type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc
+    logical, intent(in) :: at_turn             !! whether `from` is such a time
     real(wp), intent(in) :: from, until        !! times since its beginning
     logical, intent(out) :: found              !! whether there is one
     real(wp), intent(out) :: s                 !! when
@@ -156,7 +157,7 @@ contains
     begin = from
     do
       panel = panel_in_contact(scene, curve, begin)
-      goal = turn_after(scene, curve, panel, begin > 0 .and. begin == from, begin)
+      goal = turn_after(scene, curve, panel, at_turn .and. begin == from, begin)
       call slow_crossing(scene, curve, goal, begin, until, panel, found, s)
       found = found .and. s > from .and. s < until
       if (found .or. s >= until) return
@@ -172,13 +173,14 @@ contains
     real(wp), intent(in) :: sign               !! +1: the largest x, -1: the smallest
     real(wp), intent(in) :: until              !! end of the arc
     real(wp), intent(in) :: least              !! value known already
-    real(wp) :: s, x, v
+    real(wp) :: begin, s, x, v
     logical :: found
     call curve_at(scene, curve, panel_in_contact(scene, curve, until), until, x, v)
     most = max(least, sign*curve%x, sign*x)
     s = 0
     do while (highest(scene, curve, sign, s, until) > most)
-      call slow_turn(scene, curve, s, until, found, s)
+      begin = s
+      call slow_turn(scene, curve, begin > 0, begin, until, found, s)
       if (.not. found) return
       call curve_at(scene, curve, panel_in_contact(scene, curve, s), s, x, v)
       most = max(most, sign*x)
