@@ -27,10 +27,6 @@ module lapwing_flow_exact_exact_flow
 
   !> Scenes: seen from a flank that moves with g, from a coast flank that does not.
   integer, parameter :: on_moving = 1, on_fixed = 2
-  !> A velocity in contact that is less than this part of the depth, per unit of tau, is rounding.
-  real(wp), parameter :: still = 1000*epsilon(1.0_wp)
-  !> Turns are not looked for in so small a part of an arc once they are rounding.
-  integer, parameter :: most_leaps = 1000
 
   type, extends(flow_t) :: exact_flow_t
     type(scene_t) :: scene(on_moving:on_fixed)       !! seen from a flank
@@ -324,28 +320,17 @@ contains
     class(listener_t), intent(inout) :: listener  !! who hears of it
     type(instant_t) :: instant
     type(frame_t) :: frame
-    real(wp) :: from, s, distance, v, bend, inward, leap
+    real(wp) :: from, s, distance, v, bend, inward
     integer :: panel
-    logical :: found, at_turn
+    logical :: found
     frame = arc%frame
     inward = merge(1.0_wp, -1.0_wp, (arc%begin%motion_state == separation) .eqv. &
         flank == coast_flank)
     from = 0
-    leap = 0
-    at_turn = .false.
     do
-      call next_turn(scene, curve, at_turn, from, arc%length, found, s)
+      call next_turn(scene, curve, from, arc%length, found, s)
       if (.not. found) exit
       panel = panel_in_contact(scene, curve, s)
-      if (is_still(scene, curve, 0.5_wp*(from + s))) then
-        ! Rounding turns without end where a tooth stands still on its flank.
-        leap = min(max(2*leap, s - from), arc%length/most_leaps)
-        from = s + leap
-        at_turn = .false.
-        if (from >= arc%length) exit
-        cycle
-      end if
-      leap = 0
       call curve_at(scene, curve, panel, s, distance, v)
       bend = inward*acceleration_at(scene, curve, panel, s, distance, v)
       distance = inward*distance
@@ -354,21 +339,8 @@ contains
         call listener%hear(flank, instant)
       end if
       from = s
-      at_turn = .true.
     end do
   end subroutine turns_near_flank
-
-  !> Whether the velocity in a contact, whose time has the spring's unit, is rounding at a time.
-  pure logical function is_still(scene, curve, s)
-    type(scene_t), intent(in) :: scene
-    type(curve_t), intent(in) :: curve            !! an arc
-    real(wp), intent(in) :: s                     !! time since it began
-    real(wp) :: x, v
-    is_still = .false.
-    if (.not. curve%contact) return
-    call curve_at(scene, curve, panel_in_contact(scene, curve, s), s, x, v)
-    is_still = abs(v) <= still*abs(x)
-  end function is_still
 
   !> Largest distance from the drive flank, or depth in the coast flank.
   subroutine farthest(self, system, arc, flank, least, largest, work)

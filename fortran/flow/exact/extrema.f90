@@ -7,7 +7,7 @@ module lapwing_flow_exact_extrema
   use lapwing_flow_exact_panels, only: locate_panel, free_size
   use lapwing_flow_exact_root_search, only: first_turn
   use lapwing_system_oscillation, only: n_taylor
-  use lapwing_flow_exact_slow_contact, only: slow_turn, slow_farthest
+  use lapwing_flow_exact_slow_contact, only: slow_turn, slow_farthest, panel_in_contact
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, bernstein_on, largest
   use lapwing_polynomial_roots, only: newton, raise_to_largest, is_parabola
   implicit none
@@ -16,12 +16,50 @@ module lapwing_flow_exact_extrema
 
   !> A turn found to this part of an interval is exact to rounding in the value there.
   real(wp), parameter :: close_enough = 1.0e-9_wp
+  !> A velocity in contact that is less than this part of the depth, per unit of tau, is rounding.
+  real(wp), parameter :: still = 1000*epsilon(1.0_wp)
+  !> Turns are not looked for in so small a part of an arc once they are rounding.
+  integer, parameter :: most_leaps = 1000
 
 contains
 
   !> First time after `from`, which is zero or such a time itself, where the velocity relative to
-  !> the flank changes sign.
-  pure subroutine next_turn(scene, curve, at_turn, from, until, found, s)
+  !> the flank changes sign. Where a tooth stands still on its flank rounding does so without end:
+  !> that is leapt over, ever farther.
+  pure subroutine next_turn(scene, curve, from, until, found, s)
+    type(scene_t), intent(in) :: scene
+    type(curve_t), intent(in) :: curve         !! arc, its series known
+    real(wp), intent(in) :: from, until        !! times since its beginning
+    logical, intent(out) :: found              !! whether there is one
+    real(wp), intent(out) :: s                 !! when
+    real(wp) :: begin, leap
+    begin = from
+    leap = 0
+    do
+      call turn_from(scene, curve, from > 0 .and. begin == from, begin, until, found, s)
+      if (.not. found) return
+      if (.not. is_still(scene, curve, 0.5_wp*(begin + s))) return
+      leap = min(max(2*leap, s - begin), until/most_leaps)
+      begin = s + leap
+      found = begin < until
+      if (.not. found) return
+    end do
+  end subroutine next_turn
+
+  !> Whether the velocity in a contact, whose time has the spring's unit, is rounding at a time.
+  pure logical function is_still(scene, curve, s)
+    type(scene_t), intent(in) :: scene
+    type(curve_t), intent(in) :: curve         !! arc
+    real(wp), intent(in) :: s                  !! time since it began
+    real(wp) :: x, v
+    is_still = .false.
+    if (.not. curve%contact) return
+    call curve_at(scene, curve, panel_in_contact(scene, curve, s), s, x, v)
+    is_still = abs(v) <= still*abs(x)
+  end function is_still
+
+  !> First time after `from` where the sign changes, rounding or not.
+  pure subroutine turn_from(scene, curve, at_turn, from, until, found, s)
     type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc, its series known
     logical, intent(in) :: at_turn             !! whether `from` is such a time
@@ -44,7 +82,7 @@ contains
       begin = finish
       panel = panel + 1
     end do
-  end subroutine next_turn
+  end subroutine turn_from
 
   !> Largest sign*x over an arc, if it exceeds `least`; else `least`.
   pure real(wp) function farthest(scene, curve, sign, until, least)
