@@ -7,6 +7,7 @@ Each is run whatever the others say; with `--lint` the style checks alone.
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import environment
@@ -38,6 +39,15 @@ def run(*command: str) -> None:
     subprocess.run([program, *command[1:]], check=True, cwd=ROOT, env=environment.activated())
 
 
+def told(*command: str) -> None:
+    """Run a program as `run` does, and print at its end what it said."""
+    program = str(VENV / "bin" / command[0])
+    done = subprocess.run([program, *command[1:]], cwd=ROOT, env=environment.activated(),
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    print(done.stdout, end="", flush=True)
+    done.check_returncode()
+
+
 def fortran_tests() -> None:
     """Compile the Fortran tests with run-time checks, in a folder of their own, and run them."""
     with environment.sole_use(), environment.build_folder("test") as folder:
@@ -56,11 +66,11 @@ def python_tests(full: bool) -> None:
 
 
 def lint() -> None:
-    """Style and types of all sources; every checker speaks before any fails."""
+    """Style and types of all sources; every checker speaks, each in one piece, before any fails."""
     checks = (("ruff", "check", ".", ".build"),
               ("fortitude", "check", "fortran", "tests/fortran", "tests/reference"),
               ("mypy",))
-    if not all([passes(run, *command) for command in checks]):
+    if not all([passes(told, *command) for command in checks]):
         raise subprocess.CalledProcessError(1, "lint")
 
 
@@ -75,9 +85,14 @@ def passes(tests, *arguments) -> bool:
 
 def main() -> int:
     """Run everything; the exit status."""
-    results = {"style": passes(lint)}
-    if "--lint" not in sys.argv[1:]:
-        results["Fortran tests"] = passes(fortran_tests)
+    results, all_tests = {}, "--lint" not in sys.argv[1:]
+    with ThreadPoolExecutor(1) as beside:
+        # One slow checker beside compilers that mostly wait for each other.
+        style = beside.submit(passes, lint)
+        if all_tests:
+            results["Fortran tests"] = passes(fortran_tests)
+        results["style"] = style.result()
+    if all_tests:
         results["Python tests"] = passes(python_tests, "--full" in sys.argv[1:])
         omitted = unlisted()
         for line in omitted:
