@@ -59,6 +59,7 @@ def one_by_one(out, *decks):
     return done.exit_code, done.stdout
 
 
+@pytest.mark.full
 def test_the_bytes_and_the_worst_code_are_those_of_one_by_one(decks, tmp_path):
     done = call("run", *decks, "--threads", 2, "--out", tmp_path / "together", "--figures", "none")
     code, out, err = done.exit_code, done.stdout, done.stderr

@@ -62,7 +62,7 @@ def test_a_crew_of_one_is_the_caller(file, tmp_path):
         assert not pool._workers  # none before there is something to draw
 
 
-@pytest.mark.parametrize("size", [1, 2])
+@pytest.mark.parametrize("size", [1, pytest.param(2, marks=pytest.mark.full)])
 def test_a_figure_that_fails_is_named_and_the_others_are_drawn(file, alone, tmp_path, size):
     damaged = tmp_path / "damaged.nc"
     shutil.copy(file, damaged)

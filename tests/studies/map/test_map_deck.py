@@ -80,7 +80,8 @@ def test_after_a_kill_the_same_command_goes_on(deck, whole, tmp_path, monkeypatc
     assert [path.name for path in tmp_path.iterdir()] == ["plane"]
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 75), (signal.SIGINT, 130)])
+@pytest.mark.parametrize(("number", "code"), [
+    (signal.SIGTERM, 75), pytest.param(signal.SIGINT, 130, marks=pytest.mark.full)])
 def test_after_a_signal_too(deck, whole, tmp_path, number, code):
     ended = signalled(deck, tmp_path, number, 3)
     assert ended.code == code, ended.said
