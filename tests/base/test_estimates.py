@@ -134,6 +134,7 @@ def test_words():
 # --- disk -------------------------------------------------------------------------------------
 
 
+@pytest.mark.full
 def test_disk_between_the_bounds(tmp_path):
     """What a run leaves: more than the least, and no more than tables, figures and a little."""
     deck = tmp_path / "deck.nml"

@@ -75,6 +75,7 @@ def test_a_figure_that_fails_is_named_and_the_others_are_drawn(file, alone, tmp_
     same_files([one for one in alone if one.stem != "te_curve"], error.value.written)
 
 
+@pytest.mark.full
 def test_a_process_that_dies_takes_one_figure_with_it(file, alone, tmp_path):
     with read_results(file) as results, DrawingPool(2) as pool:
         tasks = plots.tasks_of(results)
@@ -103,6 +104,7 @@ def test_a_crew_without_processes_says_so(file, tmp_path):
     assert plots.Problem("no process is left to draw it") in found.values()
 
 
+@pytest.mark.full
 def test_a_script_needs_no_guard(file, tmp_path):
     """The processes do not run it again."""
     script = tmp_path / "script.py"
