@@ -32,19 +32,18 @@ def unlisted() -> list[str]:
     ]
 
 
-def run(*command: str) -> None:
-    """Run a program of .venv in the checkout; CalledProcessError if it fails."""
+def run(*command: str, at_end: bool = False) -> None:
+    """Run a program of .venv in the checkout; CalledProcessError if it fails.
+
+    What it says is printed as it comes, or in one piece at its end.
+    """
     program = str(VENV / "bin" / command[0])
     sys.stdout.flush()
-    subprocess.run([program, *command[1:]], check=True, cwd=ROOT, env=environment.activated())
-
-
-def told(*command: str) -> None:
-    """Run a program as `run` does, and print at its end what it said."""
-    program = str(VENV / "bin" / command[0])
     done = subprocess.run([program, *command[1:]], cwd=ROOT, env=environment.activated(),
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    print(done.stdout, end="", flush=True)
+                          stdout=subprocess.PIPE if at_end else None,
+                          stderr=subprocess.STDOUT if at_end else None, text=True)
+    if at_end:
+        print(done.stdout, end="", flush=True)
     done.check_returncode()
 
 
@@ -70,14 +69,14 @@ def lint() -> None:
     checks = (("ruff", "check", ".", ".build"),
               ("fortitude", "check", "fortran", "tests/fortran", "tests/reference"),
               ("mypy",))
-    if not all([passes(told, *command) for command in checks]):
+    if not all([passes(run, *command, at_end=True) for command in checks]):
         raise subprocess.CalledProcessError(1, "lint")
 
 
-def passes(tests, *arguments) -> bool:
+def passes(tests, *arguments, **options) -> bool:
     """Whether the tests pass."""
     try:
-        tests(*arguments)
+        tests(*arguments, **options)
     except subprocess.CalledProcessError:
         return False
     return True

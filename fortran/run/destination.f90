@@ -133,6 +133,7 @@ contains
     call write_end(system, state%instant, status, 0, end_unknown, ending)
   end subroutine follow
 
+  !> Fill the columns of an ending.
   subroutine write_end(system, instant, status, motion, how, ending)
     class(oscillator_t), intent(in) :: system        !! what moves
     type(instant_t), intent(in) :: instant           !! where it is
@@ -247,7 +248,7 @@ contains
 
   !> Read it back.
   pure subroutine go_on_from(suspended, state, pursuit)
-    real(wp), intent(in) :: suspended(suspended_size)    !! see `keep`
+    real(wp), intent(in) :: suspended(suspended_size)       !! see `keep`
     type(hybrid_state_t), intent(out) :: state       !! where it is
     type(pursuit_t), intent(out) :: pursuit          !! what it remembers
     type(sums_t) :: sums

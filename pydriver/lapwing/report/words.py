@@ -16,6 +16,10 @@ if TYPE_CHECKING:
 
 # Runs of values told one by one; of more the outermost.
 MOST = 4
+# Where no torque was searched; and what to add to a deck then, in its own words.
+NOT_SAID = "**This run does not say which torque keeps contact**"
+SEARCH = "a search for T_safe (&critical, find = 'safe')"
+SEARCH_WOULD_SAY = f"{SEARCH[0].upper()}{SEARCH[1:]} would say."
 
 
 def parameter_unit(name: Hashable) -> str:
@@ -45,6 +49,13 @@ def method_words(attrs: dict[str, Any]) -> str:
     if attrs["method"] == "exact":
         return "in closed form"
     return f"rk4 at tolerance {attrs['rtol']:g}"
+
+
+def span(values: NDArray[Any], unit: str) -> str:
+    """From the first value to the last, or the only one, with its unit."""
+    if values.size == 1:
+        return f"{values[0]:g} {unit}".rstrip()
+    return f"{values[0]:g} to {values[-1]:g} {unit}".rstrip()
 
 
 def runs_of(flags: NDArray[Any]) -> list[tuple[int, int]]:

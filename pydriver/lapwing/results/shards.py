@@ -44,6 +44,21 @@ COMPRESS_ABOVE = 2048
 _ONE = threading.Lock()
 
 
+def inputs_digest(told: Mapping[str, Any], *arrays: NDArray[Any]) -> str:
+    """SHA-256 of all values that the numbers of a shard follow from, its `inputs`.
+
+    Parameters
+    ----------
+    told : name -> value, as JSON, or as text where JSON does not know it
+    *arrays : taken to the bit, with dtype and shape
+    """
+    whole = hashlib.sha256(json.dumps(told, sort_keys=True, default=str).encode())
+    for array in arrays:
+        whole.update(f"{array.dtype} {array.shape}\0".encode())
+        whole.update(np.ascontiguousarray(array).tobytes())
+    return whole.hexdigest()
+
+
 def shard_path(folder: Path, index: int) -> Path:
     """File of a shard."""
     return folder / f"shard-{index:05d}.nc"

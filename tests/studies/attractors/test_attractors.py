@@ -213,7 +213,7 @@ def test_intervals_hold_the_truth(known_c18):
     from lapwing.studies.ensemble.statistics import Sample
 
     osc, rng = known_c18.osc, np.random.default_rng(7)
-    low, high = np.array(ranges(osc, 0.0)).T
+    low, high = np.array(list(ranges(osc, 0.0).values())).T
 
     def labels(count):
         x = low + rng.random((count, 2)) * (high - low)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.polynomial import polynomial as power
+
+if TYPE_CHECKING:
+    from lapwing.model.transmission_error.table import TransmissionError
 
 # Knots nearer to each other than this are one: phases made from angles are good to about 1e-15.
 SAME_KNOT = 1e-14
@@ -19,6 +22,11 @@ class Parts(NamedTuple):
     coefficients: np.ndarray
     kinks: np.ndarray
     harmonics: np.ndarray
+
+
+def parts_of(te: TransmissionError) -> Parts:
+    """The arrays of one, in their order."""
+    return Parts(te.knots, te.coefficients, te.kinks, te.harmonics)
 
 
 def multiple(te: Parts, factor: float) -> Parts:

@@ -208,7 +208,7 @@ class TransmissionError:
         """Every value times a number."""
         if not isinstance(factor, Real) or isinstance(factor, bool | np.bool_):
             return NotImplemented
-        return self._of(algebra.multiple(self._parts, arguments.real("factor", factor)))
+        return self._of(algebra.multiple(algebra.parts_of(self), arguments.real("factor", factor)))
 
     __rmul__ = __mul__
 
@@ -219,7 +219,7 @@ class TransmissionError:
         """The sum of two transmission errors: a profile deviation on top of a misalignment."""
         if not isinstance(other, TransmissionError):
             return NotImplemented
-        return self._of(algebra.total(self._parts, other._parts))
+        return self._of(algebra.total(algebra.parts_of(self), algebra.parts_of(other)))
 
     def shifted(self, phase: float) -> TransmissionError:
         """The same transmission error so much later in the mesh cycle.
@@ -237,11 +237,7 @@ class TransmissionError:
         TypeError, ValueError
             for a phase that is no finite number.
         """
-        return self._of(algebra.shifted(self._parts, arguments.real("phase", phase)))
-
-    @property
-    def _parts(self) -> algebra.Parts:
-        return algebra.Parts(self.knots, self.coefficients, self.kinks, self.harmonics)
+        return self._of(algebra.shifted(algebra.parts_of(self), arguments.real("phase", phase)))
 
     def _of(self, parts: algebra.Parts) -> TransmissionError:
         return type(self)(*parts, self.te_sign_hint)

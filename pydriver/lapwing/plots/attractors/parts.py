@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 # A motion without separation is grey; the others in their order, told apart by the colour-blind.
 CONTACT, NOT_KNOWN = "0.75", style.BLACK
 COLOURS = (style.SKY, style.ORANGE, style.GREEN, style.PURPLE, style.BLUE, style.VERMILION,
-           "#F0E442", "#6B2A57", "#00584A", "0.45")
+           style.YELLOW, "#6B2A57", "#00584A", "0.45")
 
 
 def colours(data: xr.Dataset) -> list[str]:

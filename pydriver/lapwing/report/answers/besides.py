@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from numpy.typing import NDArray
-
 from lapwing.base.arrivals import arrivals_in
 from lapwing.base.messages import at_least, at_most
 from lapwing.report.amplitudes import greatest
 from lapwing.report.answers.evidence import Look, failures, looks, together
 from lapwing.report.critical import headline
-from lapwing.report.words import bands, parameter_unit, parameter_words, plural
+from lapwing.report.words import bands, parameter_unit, parameter_words, plural, span
 from lapwing.results.findings import names
 
 if TYPE_CHECKING:
@@ -62,7 +60,7 @@ def _along(sweep: xr.Dataset) -> str:
         if "brake_torque" in sweep.attrs else ""
     every, words = together(found, "rattling"), parameter_words(parameter)
     many = values.size > 1
-    looked = f"{values.size} values looked at, " * many + _span(values, unit)
+    looked = f"{values.size} values looked at, " * many + span(values, unit)
     if every.seen.any() and not every.seen.all():
         text = (f"**Avoid a {words} of {bands(every.values, every.seen)} {unit}".rstrip()
                 + f"{at}**: of {looked}, the teeth {_parting(found, unit)}")
@@ -106,9 +104,3 @@ def _by_starts(found: list[Look], what: str) -> dict[str, list[str]]:
         seen = together([one], what)
         told.setdefault(bands(seen.values, seen.seen), []).append(one.how)
     return told
-
-
-def _span(values: NDArray[Any], unit: str) -> str:
-    if values.size == 1:
-        return f"{values[0]:g} {unit}".rstrip()
-    return f"{values[0]:g} to {values[-1]:g} {unit}".rstrip()

@@ -10,6 +10,7 @@ import numpy as np
 from lapwing.base.messages import at_least
 from lapwing.report.branches import end_of_rattling
 from lapwing.report.measured import has_interval
+from lapwing.report.words import NOT_SAID, SEARCH, SEARCH_WOULD_SAY
 from lapwing.results.findings import SYMBOLS
 
 if TYPE_CHECKING:
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
 
     from lapwing.report.answers.torque import Torque
 
-# What to add to a deck, in its own words.
-SEARCH = "a search for T_safe (&critical, find = 'safe')"
 # What the symbols mean, told where they are used.
 TERMS = {"full": "only above it the engaged motion keeps contact; others may rattle there",
          "on": "only above it a rigid tooth that rests stays; others may bounce there"}
@@ -87,8 +86,7 @@ def _unanswered(torque: Torque, value: float) -> str:
         term, at = [f"{symbol}: {TERMS[torque.kept[0]]}"], f"{symbol} = {at_least(value)} {unit}"
     if unanswered(torque) and (seen.values.size or known):
         below = f"; a torque below {at} on the gear surely does not{_bracket(torque, term)}" * known
-        return f"**This run does not say which torque keeps contact**{below}. " \
-            f"{SEARCH[0].upper()}{SEARCH[1:]} would say."
+        return f"{NOT_SAID}{below}. {SEARCH_WOULD_SAY}"
     if not known:
         return "**Which torque to choose is not answered**: look at higher ones." \
             if seen.values.size else ""

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from lapwing.base.quantities import PARAMETERS
-
-SPEEDS = ("pinion_speed_rpm", "pinion_speed_rad_s", "mesh_frequency_hz")
+from lapwing.model.gear_pair import SPEEDS
 
 
 class Conditions(NamedTuple):

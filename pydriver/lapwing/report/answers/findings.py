@@ -7,7 +7,7 @@ in between?  Each sentence says what it rests on; none is told without it.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -31,9 +31,6 @@ from lapwing.report.map.findings import findings as map_findings
 from lapwing.report.measured import noise_findings
 from lapwing.report.words import bands, plural
 from lapwing.results.findings import SYMBOLS
-
-if TYPE_CHECKING:
-    pass
 
 HEADING = "## Findings"
 

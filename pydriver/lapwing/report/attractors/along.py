@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lapwing.base.arrivals import arrivals_in
 from lapwing.report.answers.conditions import Conditions
 from lapwing.report.attractors.words import lossless, percent
-from lapwing.report.words import markdown, parameter_unit, parameter_words, plural, sections
+from lapwing.report.words import markdown, parameter_unit, parameter_words, plural, sections, span
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -61,12 +61,12 @@ def findings(data: xr.Dataset) -> list[str]:
         told = "; ".join(filter(None, [conditions.words(data.attrs),
                                        plural(runs, "random start")
                                        + f" at each of {quiet.size} values" * (quiet.size > 1)]))
-        where = ("from " if quiet.size > 1 else "at ") + _span(quiet, unit)
+        where = ("from " if quiet.size > 1 else "at ") + span(quiet, unit)
         safe = [f"**No start rattles {where}" + " on the gear" * (name == "brake_torque")
                 + f"** ({told})."]
-    coexist = f"Up to {most} motions coexist** ({_span(at, unit)})" if most > 1 \
+    coexist = f"Up to {most} motions coexist** ({span(at, unit)})" if most > 1 \
         else "No two motions were found together**"
-    said = [f"**{coexist}, along {words} {_span(values, unit)}, from "
+    said = [f"**{coexist}, along {words} {span(values, unit)}, from "
             f"{plural(runs, 'random start')} at each of {plural(values.size, 'value')} "
             f"(attractors `{data.attrs['name']}`)"]
     moves = _rattles(data)[reached]
@@ -121,12 +121,6 @@ def _rattles(data: xr.Dataset) -> NDArray[np.bool_]:
     return moves
 
 
-def _span(values: np.ndarray, unit: str) -> str:
-    if values.size == 1:
-        return f"{values[0]:g} {unit}".rstrip()
-    return f"{values[0]:g} to {values[-1]:g} {unit}".rstrip()
-
-
 def along_text(data: xr.Dataset) -> list[str]:
     """Findings along one parameter, lists and a table.
 
@@ -146,7 +140,7 @@ def along_text(data: xr.Dataset) -> list[str]:
         "failed", "unresolved", "presumed")}
     values = data[name].values
     lines = [
-        f"- {parameter_words(name)} {_span(values, unit)}, {plural(values.size, 'value')}"
+        f"- {parameter_words(name)} {span(values, unit)}, {plural(values.size, 'value')}"
         + f", **{open_} not reached**" * bool(open_)
         + f"; {attrs['runs']} random starts at each (seed {attrs['seed']}), contact law "
         f"`{attrs['contact_law']}`, impact law `{attrs['impact_law']}`; {lost['failed'] or 'none'} "
@@ -176,7 +170,7 @@ def _table(data: xr.Dataset, unit: str) -> list[str]:
         kinds = kinds if len(kinds) <= MOST_CLASSES else [*kinds[:2], "…", *kinds[-2:]]
         depth = 1e6 * data["deepest_separation"].values[at, i]
         shares = data["share"].values[at, i]
-        rows.append((str(i + 1), _span(data[name].values[at], ""), str(at.size), ", ".join(kinds),
+        rows.append((str(i + 1), span(data[name].values[at], ""), str(at.size), ", ".join(kinds),
                      _from_to(f"{depth.min():.3g}", f"{depth.max():.3g}"),
                      _from_to(percent(float(shares.min())), percent(float(shares.max())))))
     more = data.sizes["attractor"] - len(order)

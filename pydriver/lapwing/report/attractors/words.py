@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from lapwing.base.arrivals import arrivals_in
 from lapwing.report.ensemble.text import limits
-from lapwing.report.words import parameter_unit
+from lapwing.report.words import NOT_SAID, SEARCH_WOULD_SAY, parameter_unit
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -45,9 +45,8 @@ def choice(torques: Sequence[float]) -> list[str]:
     torques = [one for one in torques if one >= 0]  # Below it the coast flanks are pressed.
     if not torques:
         return []
-    return [f"**This run does not say which torque keeps contact**; {max(torques):g} "
-            f"{parameter_unit('brake_torque')} on the gear surely does not: there some starts lead "
-            "to rattling. A search for T_safe (&critical, find = 'safe') would say."]
+    return [f"{NOT_SAID}; {max(torques):g} {parameter_unit('brake_torque')} on the gear surely "
+            f"does not: there some starts lead to rattling. {SEARCH_WOULD_SAY}"]
 
 
 def motion_words(one: xr.Dataset, data: xr.Dataset) -> str:

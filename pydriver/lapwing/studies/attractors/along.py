@@ -23,7 +23,7 @@ from lapwing.studies.attractors.run import RUN_BYTES, search_of
 from lapwing.studies.attractors.starts import (
     MOST_STARTS,
     Starts,
-    checked_span,
+    checked_spans,
     drawn_starts,
     ranges,
     start_problems,
@@ -101,8 +101,7 @@ def attractors_along(pair: GearPair, te: TransmissionError, *, values: Any,
         taken.take(arguments.whole, name, value, int(name == "runs"), most)
     taken.take(arguments.phase, "phase", phase)
     taken.take(arguments.flag, "keep_interrupted", keep_interrupted)
-    spans = {name: taken.take(checked_span, name, given)
-             for name, given in (("phi", phi), ("phi_dot", phi_dot)) if given is not None}
+    spans = checked_spans(taken, phi=phi, phi_dot=phi_dot)
     if progress is not None:
         taken.take(arguments.function, "progress", progress)
     given: dict[str, Any] = {"most_cycles": most_cycles, "returns": returns,
@@ -116,7 +115,7 @@ def attractors_along(pair: GearPair, te: TransmissionError, *, values: Any,
         return oscillator_at(pair, te, parameter, value, operation)
 
     def starts(osc: Oscillator, at: int) -> Starts:
-        own = dict(zip(("phi", "phi_dot"), ranges(osc, phase), strict=True)) | spans
+        own = ranges(osc, phase) | spans
         number = int(np.random.SeedSequence([seed, at]).generate_state(1)[0])
         return drawn_starts(osc, "random", int(runs), 1, number, **own, phase=float(phase))
 

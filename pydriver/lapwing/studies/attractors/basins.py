@@ -25,7 +25,7 @@ from lapwing.studies.attractors.dataset import (
 )
 from lapwing.studies.attractors.plane import KEPT, PLANES, Cells, Plane
 from lapwing.studies.attractors.run import search_of
-from lapwing.studies.attractors.starts import checked_span, ranges, start_problems
+from lapwing.studies.attractors.starts import checked_spans, ranges, start_problems
 from lapwing.studies.ensemble.statistics import Sample
 from lapwing.studies.map.cut import shard_size
 from lapwing.studies.map.work import Found, carry_out
@@ -107,8 +107,7 @@ def job_of(osc: Oscillator, plane: str, *, size: Any, phi: Any, phi_dot: Any, ph
     taken.take(arguments.choice, "plane", plane, tuple(PLANES))
     taken.take(arguments.phase, "phase", phase)
     numbers = _sizes(size, taken)
-    spans = {name: taken.take(checked_span, name, given) for name, given in (
-        ("phi", phi), ("phi_dot", phi_dot), ("speed", speed)) if given is not None}
+    spans = checked_spans(taken, phi=phi, phi_dot=phi_dot, speed=speed)
     if shard_runs is not None:
         taken.take(arguments.whole, "shard_runs", shard_runs, 1)
     search = search_of(osc, most_cycles=most_cycles, returns=returns, recurrences=recurrences,
@@ -123,8 +122,8 @@ def job_of(osc: Oscillator, plane: str, *, size: Any, phi: Any, phi_dot: Any, ph
         taken.problems.append(arguments.wrong("speed", speed, "speeds towards the flank, from 0"))
     taken.raise_if_any("basins")
     own = ranges(osc, phase)
-    both = (spans.get("phi", own[0]), spans.get("phi_dot", own[1])) if plane == "state" \
-        else ((0.0, 1.0), spans.get("speed", (0.0, own[1][1])))
+    own |= {"speed": (0.0, own["phi_dot"][1])} | spans
+    both = (own["phi"], own["phi_dot"]) if plane == "state" else ((0.0, 1.0), own["speed"])
     axes = {name: low + (high - low) * (np.arange(count) + 0.5) / count
             for name, (low, high), count in zip(PLANES[plane], both, numbers, strict=True)}
     grid = Plane(osc, plane, axes, float(phase) if plane == "state" else float("nan"))

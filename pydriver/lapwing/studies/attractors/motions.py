@@ -34,10 +34,11 @@ from numpy.typing import NDArray
 from lapwing import engine
 from lapwing.base.codes import MotionState, Status
 from lapwing.engine import GOAL_TABLE, Known, Points, Wanted
-from lapwing.engine.records import columns
+from lapwing.engine.records import SAMPLE, columns
 from lapwing.model.oscillator import Oscillator
 from lapwing.model.start import coast_flank
 from lapwing.studies.orbit import NUMERICS, NoOrbit, Orbit, find_orbit
+from lapwing.studies.period import MAX_PERIOD
 from lapwing.studies.stability import CycleMaps, exponents
 
 # Two states are one where they differ by less than this part of the motion's size: settled ones
@@ -55,12 +56,10 @@ RECURRENT = 0.9
 # A motion without a period that comes this near to itself, part of its size, may be on its slow way
 # to a periodic one.
 NEARLY = 1e-3
-LONGEST = 24
 BEYOND = 1e30
 # Terms of a sum are doubled so many times at most; the ratio of an ellipse's axes, squared, up to
 # which it is one; and a multiplier so near to one does not attract in any time that is looked at.
 DOUBLINGS, FLATTEST, NEUTRAL = 50, 1e12, 1e-9
-TABLE = np.dtype([(name, float) for name in ("motion_state", "phi", "phi_dot")])
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +109,7 @@ def periodic(osc: Oscillator, cycles: NDArray[Any], outcome: Any) -> Motion:
     recorded.
     """
     period = int(outcome["period"])
-    states = columns(cycles[-period:], TABLE.names or ())
+    states = columns(cycles[-period:], SAMPLE)
     size = size_of(osc, cycles)
     orbit = _refined(osc, states[0], period)
     if orbit is not None and np.abs(np.array(orbit.state[1:]) - states[0, 1:]).max() \
@@ -122,10 +121,10 @@ def periodic(osc: Oscillator, cycles: NDArray[Any], outcome: Any) -> Motion:
 
 def nearly_periodic(osc: Oscillator, cycles: NDArray[Any], outcome: Any) -> Motion | None:
     """The stable periodic motion that a run is slowly coming to, if there is one."""
-    states, size = columns(cycles, TABLE.names or ()), size_of(osc, cycles)
+    states, size = columns(cycles, SAMPLE), size_of(osc, cycles)
     misses = np.array([np.abs(states[-1, 1:] - states[-1 - p, 1:]).max() / size
                        if states[-1, 0] == states[-1 - p, 0] else math.inf
-                       for p in range(1, min(LONGEST, len(states) - 1) + 1)])
+                       for p in range(1, min(MAX_PERIOD, len(states) - 1) + 1)])
     for period in (np.argsort(misses, kind="stable") + 1).tolist():
         miss = float(misses[period - 1])
         if miss > NEARLY:
@@ -161,13 +160,13 @@ def aperiodic(osc: Oscillator, start: tuple[float, ...],
         return periodic(osc, rows, outcome)
     size = size_of(osc, rows)
     grown = exponents(CycleMaps.from_rows(result.tangent[0], osc.period), 0, size)
-    return Motion(0, columns(rows, TABLE.names or ()), size, outcome, np.full(2, complex(np.nan)),
+    return Motion(0, columns(rows, SAMPLE), size, outcome, np.full(2, complex(np.nan)),
                   grown.largest, grown.error)
 
 
 def of_orbit(orbit: Orbit, outcome: Any) -> Motion:
     """A periodic motion that is refined; class and extremes as of a run."""
-    states = columns(orbit.table, TABLE.names or ())
+    states = columns(orbit.table, SAMPLE)
     order = _from_deepest(states)
     return Motion(orbit.cycles, states[order], orbit.size, outcome, orbit.multipliers.values,
                   float(orbit.multipliers.exponents[0]), residual=orbit.residual,
@@ -196,7 +195,7 @@ def goals_of(osc: Oscillator, motion: Motion, number: int) -> NDArray[Any]:
     """The ellipses around the states of a periodic motion, `engine.GOAL_TABLE`; see above."""
     goals = np.zeros(motion.period, GOAL_TABLE)
     goals["motion"], goals["period"] = number, motion.period
-    for i, name in enumerate(TABLE.names or ()):
+    for i, name in enumerate(SAMPLE):
         goals[name] = motion.states[:, i]
     scaled, contraction = _metrics(motion)
     for name, (i, j) in {"s11": (0, 0), "s12": (0, 1), "s22": (1, 1)}.items():

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields
@@ -16,7 +14,8 @@ from numpy.typing import NDArray
 from lapwing.base.codes import MotionState
 from lapwing.model.oscillator import Oscillator
 from lapwing.model.start import coast_flanks
-from lapwing.results.shards import Shard
+from lapwing.model.transmission_error.algebra import parts_of
+from lapwing.results.shards import Shard, inputs_digest
 from lapwing.studies.attractors.dataset import about
 from lapwing.studies.attractors.search import Search, followed, spread
 from lapwing.studies.attractors.starts import motion_states
@@ -126,17 +125,12 @@ class Cells(Task):
     def identity(self) -> str:
         """See `Task`."""
         osc, search = self.grid.osc, self.search
-        whole = hashlib.sha256(json.dumps({
+        return inputs_digest({
             "oscillator": {one.name: getattr(osc, one.name) for one in fields(osc)
                            if one.name not in ("te", "scales", "load")},
             "plane": self.grid.name, "phase": self.grid.phase, "numerics": asdict(search.numerics),
             "rules": [search.most_cycles, search.returns, search.recurrences, search.resolution],
-            "shard_runs": self.shard_runs}, sort_keys=True, default=str).encode())
-        te = osc.te
-        for array in (*self.grid.axes.values(), te.knots, te.coefficients, te.kinks, te.harmonics):
-            whole.update(f"{array.dtype} {array.shape}\0".encode())
-            whole.update(np.ascontiguousarray(array).tobytes())
-        return whole.hexdigest()
+            "shard_runs": self.shard_runs}, *self.grid.axes.values(), *parts_of(osc.te))
 
 
 __all__ = ["KEPT", "PLANES", "Cells", "Plane"]

@@ -25,11 +25,10 @@ from numpy.typing import NDArray
 from lapwing import engine
 from lapwing.base.codes import Ending, Status
 from lapwing.engine import END_TABLE, Known, Numerics, Points, Wanted
-from lapwing.engine.records import columns
+from lapwing.engine.records import SAMPLE, columns
 from lapwing.model.oscillator import Oscillator
 from lapwing.studies.attractors.motions import (
     OVERLAP,
-    TABLE,
     Motion,
     aperiodic,
     cells_of,
@@ -139,7 +138,7 @@ class Search:
         while left.size:
             some, left = left[:FEW], left[FEW:]
             found[some] = self._look_longer(
-                np.column_stack([columns(outcome[some], TABLE.names or ()), rows[some, 3]]))
+                np.column_stack([columns(outcome[some], SAMPLE), rows[some, 3]]))
             found[left] = [self._in_cells(cycles[i]) for i in left]
             left = left[found[left] == 0]
         return found
@@ -165,7 +164,7 @@ class Search:
         for settle in SETTLES[1:]:
             found[left], open_, cycles, outcome = self._look(rows[left], settle)
             rows = rows.copy()
-            rows[left[open_], :3] = columns(outcome[open_], TABLE.names or ())
+            rows[left[open_], :3] = columns(outcome[open_], SAMPLE)
             left = left[open_]
             if not left.size:
                 return found
@@ -175,7 +174,7 @@ class Search:
 
     def _number_of_periodic(self, cycles: NDArray[Any], outcome: Any) -> int:
         period = int(outcome["period"])
-        state = columns(cycles[-period:], TABLE.names or ())[0]
+        state = columns(cycles[-period:], SAMPLE)[0]
         known = self._same(period, state)
         return known or self._take(periodic(self.osc, cycles, outcome))
 
@@ -190,11 +189,11 @@ class Search:
         if sum(not one.period for one in self.motions) >= MOST_APERIODIC:
             return 0
         return self._take(aperiodic(
-            self.osc, (*columns(cycles[-1], TABLE.names or ()), 0.0), self.numerics))
+            self.osc, (*columns(cycles[-1], SAMPLE), 0.0), self.numerics))
 
     def _in_cells(self, cycles: NDArray[Any]) -> int:
         """The aperiodic motion in whose cells a run stays, or 0."""
-        states = columns(cycles, TABLE.names or ())
+        states = columns(cycles, SAMPLE)
         return next((number for number, one in enumerate(self.motions, 1)
                      if not one.period and inside(*self._cells, states, number) >= THERE), 0)
 
@@ -269,7 +268,7 @@ def _open(ends: NDArray[Any]) -> NDArray[np.intp]:
 
 def _from(ends: NDArray[Any]) -> NDArray[np.float64]:
     """Starts at mesh phase 0, where runs have ended."""
-    return np.column_stack([columns(ends, TABLE.names or ()), np.zeros(len(ends))])
+    return np.column_stack([columns(ends, SAMPLE), np.zeros(len(ends))])
 
 
 __all__ = ["PIECE", "Search", "followed", "spread"]

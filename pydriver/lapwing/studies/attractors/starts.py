@@ -51,7 +51,7 @@ def motion_states(osc: Oscillator, phi: NDArray[np.float64],
     return states.astype(float)
 
 
-def ranges(osc: Oscillator, phase: float) -> tuple[tuple[float, float], tuple[float, float]]:
+def ranges(osc: Oscillator, phase: float) -> dict[str, tuple[float, float]]:
     """φ (rad) and φ' (rad per τ) over which starts are spread unless it is said.
 
     As `studies.critical.starts.start_grid`: φ over the whole gap and as deep into the drive flank
@@ -59,7 +59,7 @@ def ranges(osc: Oscillator, phase: float) -> tuple[tuple[float, float], tuple[fl
     """
     depth, fastest = reach(osc, phase)
     deepest = 0.0 if osc.contact_law == "rigid" else max(osc.force, 0.0) + fastest
-    return (-depth, deepest), (-fastest, fastest)
+    return {"phi": (-depth, deepest), "phi_dot": (-fastest, fastest)}
 
 
 def drawn_starts(osc: Oscillator, draw: str, runs: int, scrambles: int, seed: int,
@@ -114,8 +114,7 @@ def checked(osc: Oscillator, starts: Any, runs: Any, scrambles: Any, seed: Any, 
         for name, given in (("phi", phi), ("phi_dot", phi_dot)):
             if given is not None:
                 taken.problems.append(f"{name} goes with starts that are drawn, not with values")
-    spans = {name: taken.take(checked_span, name, given)
-             for name, given in (("phi", phi), ("phi_dot", phi_dot)) if given is not None}
+    spans = checked_spans(taken, phi=phi, phi_dot=phi_dot)
     if len(taken.problems) > before:
         return None
     if values is not None:
@@ -130,13 +129,19 @@ def checked(osc: Oscillator, starts: Any, runs: Any, scrambles: Any, seed: Any, 
         if problems:
             taken.problems += problems
             return None
-        own = dict(zip(("phi", "phi_dot"), ranges(osc, phase), strict=True)) | spans
+        own = ranges(osc, phase) | spans
         found = drawn_starts(osc, starts, int(runs), int(scrambles), int(seed), **own, phase=phase)
     taken.problems += start_problems(osc, found.rows)
     return found
 
 
-def checked_span(name: str, value: Any) -> tuple[float, float]:
+def checked_spans(taken: Refusals, **spans: Any) -> dict[str, tuple[float, float]]:
+    """Those of the ranges that are given, each checked."""
+    return {name: taken.take(_checked_span, name, given)
+            for name, given in spans.items() if given is not None}
+
+
+def _checked_span(name: str, value: Any) -> tuple[float, float]:
     """A range (low, high), low below high."""
     low, high = (arguments.reals(name, value, ndim=1).tolist() + [math.nan] * 2)[:2]
     if np.size(value) != 2 or not low < high:
@@ -152,5 +157,5 @@ def start_problems(osc: Oscillator, rows: NDArray[np.float64]) -> list[str]:
     return []
 
 
-__all__ = ["DRAWS", "Starts", "checked", "checked_span", "drawn_starts",
+__all__ = ["DRAWS", "Starts", "checked", "checked_spans", "drawn_starts",
            "listed_starts", "motion_states", "ranges", "start_problems"]

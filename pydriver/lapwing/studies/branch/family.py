@@ -19,13 +19,14 @@ from lapwing.results.shards import read_shard, write_shard
 from lapwing.studies.branch.collection import Collection, Match
 from lapwing.studies.branch.ranges import BEYOND, SLOWLY, stable_ranges
 from lapwing.studies.branch.run import Branch, branch, follower_of
-from lapwing.studies.branch.seeds import MOST_CYCLES, Motion, Search, find, followed_on
+from lapwing.studies.branch.seeds import Motion, Search, find, followed_on
 from lapwing.studies.branch.special import Special
 from lapwing.studies.branch.trace.follower import Follower
 from lapwing.studies.branch.trace.record import recorded, restored
 from lapwing.studies.critical.records import identity
 from lapwing.studies.critical.starts import StartGrid
 from lapwing.studies.orbit import NoOrbit, Orbit, find_orbit
+from lapwing.studies.period import MAX_PERIOD
 from lapwing.studies.sweep.varied import parameters
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ class Found:
 def branches(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torque", low: float,
              high: float, seeds: int = 41, starts: StartGrid | None = None,
              random_starts: int = 0, random_seed: int = 0, settle: int = 400,
-             highest_period: int = MOST_CYCLES, doublings: int = 2, points: int = 2000,
+             highest_period: int = MAX_PERIOD, doublings: int = 2, points: int = 2000,
              unstable: int = 200, threads: int | None = None,
              progress: Callable[[float], None] | None = None, **operation: Any) -> xr.Dataset:
     """The branches of the periodic motions that sweeps find, each followed to both of its ends.
@@ -304,7 +305,7 @@ def _checked(pair: Any, te: Any, parameter: Any, low: Any, high: Any, starts: An
     ends = [taken.take(arguments.real, name, value) for name, value in
             (("low", low), ("high", high))]
     numbers = {name: taken.take(arguments.whole, name, value, least,
-                                MOST_CYCLES if name == "highest_period" else 1_000_000)
+                                MAX_PERIOD if name == "highest_period" else 1_000_000)
                for name, (value, least) in whole.items()}
     if progress is not None:
         taken.take(arguments.function, "progress", progress)

@@ -10,11 +10,13 @@ import numpy as np
 from lapwing import engine
 from lapwing.base.codes import FoundFrom, FoundMotion, MotionState, Status
 from lapwing.engine import Wanted
+from lapwing.engine.records import SAMPLE
 from lapwing.studies.branch.collection import nearest
 from lapwing.studies.branch.ranges import BEYOND, SLOWLY, End, StableRange
-from lapwing.studies.branch.seeds import ARRIVALS, MOST_CYCLES, STATE, Search
+from lapwing.studies.branch.seeds import ARRIVALS, Search
 from lapwing.studies.branch.special import Kind
 from lapwing.studies.critical.starts import fitted
+from lapwing.studies.period import MAX_PERIOD
 
 if TYPE_CHECKING:
     from lapwing.studies.branch.family import Found
@@ -86,11 +88,11 @@ class _Crowd:
         run = engine.sweep(
             [osc] * count, [(k, k, False) for k in range(count)], starts,
             numerics=self.search.numerics, wanted=Wanted(cycles=True, strobe=True),
-            settle=cycles, record=2 * MOST_CYCLES, log_room=1, threads=self.search.threads)
+            settle=cycles, record=2 * MAX_PERIOD, log_room=1, threads=self.search.threads)
         for table, outcome in zip(run.cycles, run.outcome, strict=True):
             if outcome["status"] == Status.OK and any(np.any(table[name] > 0)
                                                       for name in ARRIVALS):
-                motion, phi, phi_dot = (float(table[-1][name]) for name in STATE)
+                motion, phi, phi_dot = (float(table[-1][name]) for name in SAMPLE)
                 self.state = motion, phi, phi_dot
                 self.period = int(np.nan_to_num(outcome["period"]))
                 return True

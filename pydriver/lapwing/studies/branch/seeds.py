@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from lapwing import engine
 from lapwing.base.codes import FoundFrom, FoundMotion, MotionState, Status
 from lapwing.engine import Numerics, Wanted
+from lapwing.engine.records import SAMPLE
 from lapwing.studies.attractors.starts import drawn_starts, ranges
 from lapwing.studies.critical.starts import StartGrid, fitted, start_grid
+from lapwing.studies.period import MAX_PERIOD
 from lapwing.studies.sweep.run import sweep
 from lapwing.studies.sweep.varied import oscillator_at
 
@@ -25,10 +27,7 @@ if TYPE_CHECKING:
     from lapwing.model.oscillator import Oscillator
     from lapwing.model.transmission_error.table import TransmissionError
 
-# Longest period looked for, mesh cycles.
-MOST_CYCLES = 24
 ARRIVALS = ("impacts", "back_impacts", "engages", "back_engages")
-STATE = ("motion_state", "phi", "phi_dot")
 
 
 @dataclass(frozen=True)
@@ -78,7 +77,7 @@ class Search:
     random: int = 0
     seed: int = 0
     settle: int = 400
-    highest: int = MOST_CYCLES
+    highest: int = MAX_PERIOD
     sweeps: Sequence[xr.Dataset] = ()
     trials: Sequence[tuple[float, StartGrid]] = ()
     numerics: Numerics = field(default_factory=lambda: Numerics(rtol=1e-8))
@@ -106,7 +105,7 @@ def find(search: Search, progress: Callable[[float], None] | None = None) -> lis
     found = [motion for one in search.sweeps for motion in _of_sweep(search, one)]
     swept = sweep(
         search.pair, search.te, parameter=search.parameter, values=search.values,
-        starts=("rest", "up", "down"), settle=search.settle, record=2 * MOST_CYCLES,
+        starts=("rest", "up", "down"), settle=search.settle, record=2 * MAX_PERIOD,
         observe=("cycles",), numerics=search.numerics, threads=search.threads, **search.operation)
     found += _of_sweep(search, swept)
     low, high = float(search.values[0]), float(search.values[-1])
@@ -119,7 +118,7 @@ def find(search: Search, progress: Callable[[float], None] | None = None) -> lis
             starts += [(FoundFrom.GRID, one) for one in start_grid(osc, grid)]
         if number is not None and search.random:
             drawn = drawn_starts(osc, "random", search.random, 0, search.seed + number,
-                                 *ranges(osc, 0.0), phase=0.0)
+                                 **ranges(osc, 0.0), phase=0.0)
             starts += [(FoundFrom.RANDOM, tuple(one)) for one in drawn.rows.tolist()]
         found += _followed(search, [osc] * len(starts), [value] * len(starts), starts,
                            search.settle)
@@ -145,18 +144,18 @@ def _followed(search: Search, oscillators: Sequence[Oscillator], values: Sequenc
     run = engine.sweep(
         oscillators, [(k, k, False) for k in range(len(starts))], [one for _, one in starts],
         numerics=search.numerics, wanted=Wanted(cycles=True, strobe=True), settle=settle,
-        record=2 * MOST_CYCLES, log_room=1, threads=search.threads)
+        record=2 * MAX_PERIOD, log_room=1, threads=search.threads)
     for value, (begun, _), table, outcome in zip(values, starts, run.cycles, run.outcome,
                                                  strict=True):
         happened = any(np.any(table[name] > 0) for name in ARRIVALS)
-        yield _motion(search, value, begun, [table[-1][name] for name in STATE],
+        yield _motion(search, value, begun, [table[-1][name] for name in SAMPLE],
                       float(outcome["period"]), int(outcome["status"]), happened)
 
 
 def _of_sweep(search: Search, swept: xr.Dataset) -> Iterator[Motion]:
     """Motions of the points of a sweep that were reached, where its last cycle begins."""
     table = {name: swept[name].transpose("start", ..., "recorded_cycle").values
-             for name in (*STATE, *ARRIVALS)}
+             for name in (*SAMPLE, *ARRIVALS)}
     happened = np.any([np.nan_to_num(table[name]) > 0 for name in ARRIVALS], axis=(0, 3))
     starts = [FoundFrom[str(one).upper()] for one in swept["start"].values]
     for i, j in np.ndindex(happened.shape):
@@ -164,7 +163,7 @@ def _of_sweep(search: Search, swept: xr.Dataset) -> Iterator[Motion]:
         if status == Status.UNFINISHED:
             continue
         value = float(swept[search.parameter].values[j])
-        state = [table[name][i, j, -1] for name in STATE]
+        state = [table[name][i, j, -1] for name in SAMPLE]
         yield _motion(search, value, starts[i], state, float(swept["period"].values[i, j]), status,
                       bool(happened[i, j]))
 

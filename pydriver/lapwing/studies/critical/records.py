@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Callable
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -12,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lapwing.results.shards import read_shard, write_shard
+from lapwing.model.transmission_error.algebra import parts_of
+from lapwing.results.shards import inputs_digest, read_shard, write_shard
 from lapwing.studies.critical.starts import Fates, follow
 
 if TYPE_CHECKING:
@@ -64,11 +63,6 @@ class Records:
 
 def identity(osc: Oscillator, numbers: NDArray[Any], **others: Any) -> str:
     """SHA-256 of every value that a record follows from: an oscillator, numbers, and others."""
-    whole = hashlib.sha256(json.dumps({
+    return inputs_digest({
         **{one.name: getattr(osc, one.name) for one in fields(osc) if one.name != "te"},
-        **others}, sort_keys=True, default=repr).encode())
-    te = osc.te
-    for array in (te.knots, te.coefficients, te.kinks, te.harmonics, numbers):
-        whole.update(f"{array.dtype} {array.shape}\0".encode())
-        whole.update(np.ascontiguousarray(array).tobytes())
-    return whole.hexdigest()
+        **others}, *parts_of(osc.te), numbers)

@@ -16,7 +16,7 @@ from lapwing.engine.points import NUMBERS
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.oscillator import Oscillator
 from lapwing.model.transmission_error import TransmissionError
-from lapwing.studies.sweep.varied import OF_PAIR, moved_to, points_at
+from lapwing.studies.sweep.varied import OF_PAIR, force_per_deflection, moved_to, points_at
 
 
 class Crossings:
@@ -84,10 +84,7 @@ class Grid(Crossings):
 
     def newtons(self, first: int, stop: int) -> NDArray[np.float64]:
         """Force per unit of deflection, k'·lever (N), in these runs."""
-        values, found = self.values(first, stop), np.ones(stop - first)
-        for name in ("mesh_stiffness", "pinion_base_lever"):
-            found = found * values.get(name, getattr(self.pair, name))
-        return found
+        return np.full(stop - first, force_per_deflection(self.pair, self.values(first, stop)))
 
     @property
     def besides(self) -> tuple[str, ...]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 import threading
 from collections.abc import Callable
@@ -24,7 +22,8 @@ from lapwing.base.codes import Status
 from lapwing.base.quantities import OBSERVED
 from lapwing.base.threads import worker_threads
 from lapwing.engine import Numerics
-from lapwing.results.shards import Shard, read_shard, write_shard
+from lapwing.model.transmission_error.algebra import parts_of
+from lapwing.results.shards import Shard, inputs_digest, read_shard, write_shard
 from lapwing.studies.labels import settings
 from lapwing.studies.map.grid import Grid
 from lapwing.studies.map.observed import KEPT, kept, observations, wanted
@@ -77,7 +76,42 @@ class Job(Task):
                     stop: threading.Event | None = None, before: Shard | None = None,
                     share_work: Callable[[int], int] = lambda _: 1) -> Made:
         """See `Task`."""
-        return _carried_out(self, index, progress, stop, before, share_work)
+        first, behind = self.cut.place(index)
+        outcome = np.empty(behind - first, dtype=engine.OUTCOME_TABLE)
+        besides = {name: np.empty(behind - first) for one in self.observe for name in OBSERVED[one]}
+        length = 1 if self.start == "rest" else min(self.grid.length, len(outcome))
+        threads = share_work(len(outcome) // length)
+        most = float(AT_A_TIME)
+        if "exponent" in self.observe:
+            most = min(most, MAPS / estimates.sweep_bytes(1, self.record, False, exponents=True))
+        if threads > 1:
+            most = min(most, len(outcome) / (threads * PIECES))
+        size = max(1, math.ceil(most / length)) * length
+        start = (*(before.handed if before and before.handed else REST), self.phase)
+
+        give_up = told_of(None, stop, 0.0, 0.0)
+
+        def fill(begin: int) -> None:
+            here = slice(begin - first, min(begin + size, behind) - first)
+            part = outcome[here]
+            _move(self, begin, part, {name: values[here] for name, values in besides.items()},
+                  start, told_of(progress, stop, here.start / len(outcome),
+                                 len(part) / len(outcome)))
+
+        pieces = range(first, behind, size)
+        if threads == 1:
+            for begin in pieces:
+                fill(begin)
+        else:
+            with ThreadPoolExecutor(threads) as pool:
+                for _ in pool.map(fill, pieces):
+                    pass
+        good = outcome["status"] == Status.OK
+        data = {name: np.where(good | (name == "status"), outcome[name], 0 if kind is not float
+                               else np.nan).astype(kind) for name, kind in KEPT.items()} \
+            | besides | self.grid.known(first, behind, lambda: give_up(0.0))
+        last = outcome[0 if self.start == "down" else -1]
+        return Made(data, handed_over(last) if self.cut.is_chained(index) else None)
 
     @property
     def about(self) -> dict[str, Any]:
@@ -93,17 +127,13 @@ class Job(Task):
     @cached_property
     def identity(self) -> str:
         """SHA-256 of every value that the numbers of the map, and its cut, follow from."""
-        grid, te = self.grid, self.grid.te
-        whole = hashlib.sha256(json.dumps({
+        grid = self.grid
+        return inputs_digest({
             "pair": asdict(grid.pair), "operation": dict(grid.operation), "axes": list(grid.axes),
             "line": grid.line, "start": self.start, "settle": self.settle, "record": self.record,
             "phase": self.phase, "numerics": asdict(self.numerics),
-            "shard_runs": self.shard_runs, "observe": self.observe}, sort_keys=True,
-            default=str).encode())
-        for array in (*grid.axes.values(), te.knots, te.coefficients, te.kinks, te.harmonics):
-            whole.update(f"{array.dtype} {array.shape}\0".encode())
-            whole.update(np.ascontiguousarray(array).tobytes())
-        return whole.hexdigest()
+            "shard_runs": self.shard_runs, "observe": self.observe},
+            *grid.axes.values(), *parts_of(grid.te))
 
 
 def check_settings(taken: Refusals, settle: Any, record: Any, phase: Any, numerics: Any,
@@ -116,46 +146,6 @@ def check_settings(taken: Refusals, settle: Any, record: Any, phase: Any, numeri
         taken.take(arguments.instance, "numerics", numerics, Numerics)
     if shard_runs is not None:
         taken.take(arguments.whole, "shard_runs", shard_runs, 1)
-
-
-def _carried_out(job: Job, index: int, progress: Callable[[float], None] | None,
-                 stop: threading.Event | None, before: Shard | None,
-                 share_work: Callable[[int], int]) -> Made:
-    first, behind = job.cut.place(index)
-    outcome = np.empty(behind - first, dtype=engine.OUTCOME_TABLE)
-    besides = {name: np.empty(behind - first) for one in job.observe for name in OBSERVED[one]}
-    length = 1 if job.start == "rest" else min(job.grid.length, len(outcome))
-    threads = share_work(len(outcome) // length)
-    most = float(AT_A_TIME)
-    if "exponent" in job.observe:
-        most = min(most, MAPS / estimates.sweep_bytes(1, job.record, False, exponents=True))
-    if threads > 1:
-        most = min(most, len(outcome) / (threads * PIECES))
-    size = max(1, math.ceil(most / length)) * length
-    start = (*(before.handed if before and before.handed else REST), job.phase)
-
-    give_up = told_of(None, stop, 0.0, 0.0)
-
-    def fill(begin: int) -> None:
-        here = slice(begin - first, min(begin + size, behind) - first)
-        part = outcome[here]
-        _move(job, begin, part, {name: values[here] for name, values in besides.items()}, start,
-              told_of(progress, stop, here.start / len(outcome), len(part) / len(outcome)))
-
-    pieces = range(first, behind, size)
-    if threads == 1:
-        for begin in pieces:
-            fill(begin)
-    else:
-        with ThreadPoolExecutor(threads) as pool:
-            for _ in pool.map(fill, pieces):
-                pass
-    good = outcome["status"] == Status.OK
-    data = {name: np.where(good | (name == "status"), outcome[name], 0 if kind is not float
-                           else np.nan).astype(kind) for name, kind in KEPT.items()} \
-        | besides | job.grid.known(first, behind, lambda: give_up(0.0))
-    last = outcome[0 if job.start == "down" else -1]
-    return Made(data, handed_over(last) if job.cut.is_chained(index) else None)
 
 
 def handed_over(last: Any) -> tuple[float, ...]:

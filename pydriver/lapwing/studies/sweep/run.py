@@ -24,7 +24,7 @@ from lapwing.studies.labels import settings
 from lapwing.studies.period import NO_PERIOD, class_name
 from lapwing.studies.stability import CycleMaps, findings, growth
 from lapwing.studies.sweep.form import dataset
-from lapwing.studies.sweep.shards import SweepJob, shards_bytes
+from lapwing.studies.sweep.shards import SweepJob
 from lapwing.studies.sweep.varied import Varied, parameters
 
 if TYPE_CHECKING:
@@ -155,7 +155,10 @@ def job_of(pair: GearPair, te: TransmissionError, *, parameter: str, values: Arr
     job = SweepJob(pair, te, parameter, values, starts, int(settle), int(record), int(max_impacts),
                    float(phase), operation, numerics, wanted,
                    tuple(one for one in ("spectra", "amplitudes") if one in observe))
-    estimates.require(shards_bytes(job), "sweep", "values, starts, record or max_impacts")
+    estimates.require(
+        estimates.sweep_bytes(job.grid.runs, job.record, True, job.wanted.impacts,
+                              job.wanted.tangent, job.max_impacts),
+        "sweep", "values, starts, record or max_impacts")
     if job.oscillators[0].gap == "one_flank" and np.any(job.oscillators.points.force < 0):
         raise ValueError("sweep: rest with a negative force needs a coast flank to rest on")
     if "speeds" not in observe:

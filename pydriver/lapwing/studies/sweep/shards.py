@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import threading
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields, replace
@@ -15,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lapwing import engine
-from lapwing.base import estimates
 from lapwing.base.codes import Status
 from lapwing.engine import Wanted, named, numbers, unknown
 from lapwing.engine.records import (
@@ -26,6 +23,8 @@ from lapwing.engine.records import (
     tangent_table,
 )
 from lapwing.engine.sweeps import SweepResult
+from lapwing.model.transmission_error.algebra import parts_of
+from lapwing.results.shards import inputs_digest
 from lapwing.studies.map.cut import CYCLES, Cut, Cuts, shard_size
 from lapwing.studies.map.shards import REST, handed_over, told_of
 from lapwing.studies.map.task import Made, Task
@@ -36,7 +35,8 @@ if TYPE_CHECKING:
     from lapwing.engine.numerics import Numerics
     from lapwing.model.gear_pair import GearPair
     from lapwing.model.transmission_error import TransmissionError
-    from lapwing.results.shards import Shard
+    from lapwing.model.transmission_error.algebra import parts_of
+from lapwing.results.shards import Shard
 
 # Columns of a list of impacts, each a variable of a shard.
 IMPACTS = tuple(IMPACT_TABLE.names or ())
@@ -126,16 +126,11 @@ class SweepJob(Task):
     @cached_property
     def identity(self) -> str:
         """See `Task`."""
-        whole = hashlib.sha256(json.dumps({
+        return inputs_digest({
             **{one.name: getattr(self, one.name) for one in fields(self)
                if one.name not in ("pair", "te", "values", "numerics", "wanted")},
             "pair": asdict(self.pair), "numerics": asdict(self.numerics),
-            "wanted": asdict(self.wanted)}, sort_keys=True, default=str).encode())
-        te = self.te
-        for array in (self.values, te.knots, te.coefficients, te.kinks, te.harmonics):
-            whole.update(f"{array.dtype} {array.shape}\0".encode())
-            whole.update(np.ascontiguousarray(array).tobytes())
-        return whole.hexdigest()
+            "wanted": asdict(self.wanted)}, self.values, *parts_of(self.te))
 
     def prepare(self) -> None:
         """See `Task`."""
@@ -193,7 +188,7 @@ class SweepJob(Task):
                 numerics=self.numerics, threads=threads)
         if "amplitudes" in self.besides:
             each()
-            newtons = [force_per_deflection(self.pair, self.parameter, float(self.values[place]))
+            newtons = [force_per_deflection(self.pair, {self.parameter: float(self.values[place])})
                        for place in places]
             found |= amplitudes.amplitudes(some, outcome, np.nan_to_num(
                 outcome["period"]).astype(np.int16), newtons, self.phase,
@@ -256,9 +251,3 @@ class Gathered:
             tables.get("tangent", unknown(tangent_table(), 1, 1)), self._density,
             np.concatenate(events) if events else np.empty(0, IMPACT_TABLE), self._kept,
             interrupted, method=self._job.method)
-
-
-def shards_bytes(job: SweepJob) -> int:
-    """Bytes that a sweep's tables take while they are put together."""
-    return estimates.sweep_bytes(job.grid.runs, job.record, True, job.wanted.impacts,
-                                 job.wanted.tangent, job.max_impacts)

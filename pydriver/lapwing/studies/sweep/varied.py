@@ -111,12 +111,10 @@ def points_at(pair: GearPair, te: TransmissionError, values: Mapping[str, NDArra
                              for name, number in numbers.items()})
 
 
-def force_per_deflection(pair: GearPair, parameter: str, value: float) -> float:
-    """k'·lever (N) at one value of the parameter."""
-    if parameter in OF_PAIR:
-        changed: dict[str, Any] = {parameter: value}
-        pair = replace(pair, **changed)
-    return pair.mesh_stiffness * pair.pinion_base_lever
+def force_per_deflection(pair: GearPair, values: Mapping[str, Any]) -> Any:
+    """k'·lever (N) of a pair, some of whose numbers have other values, float or array each."""
+    return values.get("mesh_stiffness", pair.mesh_stiffness) \
+        * values.get("pinion_base_lever", pair.pinion_base_lever)
 
 
 class Varied(Sequence[Oscillator]):
