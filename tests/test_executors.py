@@ -113,8 +113,10 @@ def test_shards_of_another_deck_are_missing_to_a_merge(deck, expected, tmp_path)
     assert code == 1 and "39 of 40 shards are missing: 0, 2-39" in said
 
 
-def test_a_deck_without_maps_has_no_parts(tmp_path):
-    code, said = run(Path(__file__).parents[1] / "inputs" / "minimal.nml", tmp_path,
+@pytest.mark.parametrize("name", ["minimal", "branches_25x32"])
+def test_a_deck_without_maps_has_no_parts(name, tmp_path):
+    """Nor has one whose branches are kept one by one: which there are is found under way."""
+    code, said = run(Path(__file__).parents[1] / "inputs" / f"{name}.nml", tmp_path,
                      "--shard", "1/2")
     assert code == 2 and "--shard goes with &map, &ensemble and &basins; the deck has none" in said
 

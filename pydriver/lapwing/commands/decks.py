@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from lapwing.deck.deck import Deck
     from lapwing.progress import Bars, Lines
 
+# Said of what shares work, where no study of a deck is cut into shards.
+NONE_TO_SHARE = "goes with &map, &ensemble and &basins; the deck has none"
+
 OK, FAILED, BAD_INPUT, SURROUNDINGS = (
     ExitCode.GOOD, ExitCode.FAILED, ExitCode.BAD_INPUT, ExitCode.SURROUNDINGS)
 
@@ -109,10 +112,10 @@ def part_of(deck: Deck, out: Path, part: int, parts: int, threads: int,
             progress: Bars | Lines) -> ExitCode:
     """Make a part of a deck's shards and report; returns its exit code."""
     from lapwing.part import run_part
-    from lapwing.studies.of_deck import keeps_shards
+    from lapwing.studies.of_deck import is_cut
 
-    if not keeps_shards(deck):
-        complain(f"{deck.path}: --shard goes with &map, &ensemble and &basins; the deck has none")
+    if not is_cut(deck):
+        complain(f"{deck.path}: --shard {NONE_TO_SHARE}")
         return BAD_INPUT
     found, code = _attempt(
         deck, progress,

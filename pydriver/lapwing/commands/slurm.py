@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lapwing.base.exit_codes import ExitCode
-from lapwing.commands.decks import loaded_decks
+from lapwing.commands.decks import NONE_TO_SHARE, loaded_decks
 from lapwing.console import complain
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ def slurm(deck: Annotated[Path, typer.Argument(metavar="DECK", help="namelist de
         raise typer.Exit(ExitCode.BAD_INPUT)
     parts = _parts(loaded[0], tasks, cpus, max_array_size)
     if not parts:
-        complain(f"{deck}: lapwing slurm goes with &map, &ensemble and &basins; the deck has none")
+        complain(f"{deck}: lapwing slurm {NONE_TO_SHARE}")
         raise typer.Exit(ExitCode.BAD_INPUT)
     command = [sys.executable, "-m", "lapwing", "run", str(deck), "--out", str(out),
                "--threads", str(cpus), *(word for one in setting for word in ("--set", one))]

@@ -99,12 +99,23 @@ def keeps_shards(deck: Deck) -> bool:
                for study in carried_out() for asked in deck.studies[study.kind])
 
 
+def is_cut(deck: Deck) -> bool:
+    """Whether some study of a deck is cut into shards that several processes may share."""
+    return any(True for _ in _cut(deck))
+
+
 def jobs_of(deck: Deck) -> Iterator[tuple[str, str, Any]]:
     """(kind, name, `studies.map.task.Task`) of each study of a deck that is cut into shards."""
+    for study, asked in _cut(deck):
+        yield study.kind, asked.name, study.part("study").job(deck, asked)
+
+
+def _cut(deck: Deck) -> Iterator[tuple[Study, Asked]]:
+    """Studies that a deck asks for whose shards are known before they begin."""
     for study in carried_out():
         for asked in deck.studies[study.kind]:
             if _keeps(study, asked) and hasattr(study.part("study"), "job"):
-                yield study.kind, asked.name, study.part("study").job(deck, asked)
+                yield study, asked
 
 
 def _keeps(study: Study, asked: Asked) -> bool:
