@@ -30,6 +30,19 @@ def small():
                          observe=("cycles", "impacts"), **RELATIVE)
 
 
+@pytest.mark.parametrize("observe", [("cycles",), ("cycles", "impacts"), ("cycles", "speeds")])
+def test_a_sweep_of_torques_makes_no_oscillator_for_each(observe, monkeypatch):
+    """Each of 2000 made would cost thirty times what else is outside the engine."""
+    made, check = [], lapwing.Oscillator.__post_init__
+    monkeypatch.setattr(lapwing.Oscillator, "__post_init__",
+                        lambda osc: made.append(osc) or check(osc))
+    for count in (2, 40):
+        made.clear()
+        lapwing.sweep(PAIR, TE, values=np.linspace(1, 2, count), settle=0, record=1, threads=1,
+                      observe=observe, **ABSOLUTE)
+        assert len(made) <= 2
+
+
 def test_published_table():
     """3, 5 and 7 impacts, period 1, depths to 1 %; engaged from rest at 12 N·m.
 

@@ -311,11 +311,12 @@ def _speed_edges(oscillators: Varied) -> NDArray[Any]:
 
     That is the speed of a fall through the gap and twice the flank's fastest, both ways.
     """
-    phase = np.arange(1000) / 1000
-    steepest: float = np.abs(oscillators[0].te.derivative(1, phase)).max()
-    fastest = max(
-        np.sqrt(2 * abs(osc.force) * min(osc.gap_width, 2 * osc.backlash))
-        + 4 * abs(osc.flank_scale) * steepest / osc.period for osc in oscillators) or 1.0
+    phase, points, shared = np.arange(1000) / 1000, oscillators.points, oscillators[0]
+    steepest: float = np.abs(shared.te.derivative(1, phase)).max()
+    fall = points.backlash * (1.0 if shared.gap == "one_sided" else 2.0)
+    speeds = np.sqrt(2 * np.abs(points.force) * fall) \
+        + 4 * np.abs(points.flank_scale) * steepest / (2 * np.pi / points.mesh_frequency_ratio)
+    fastest = float(speeds.max()) or 1.0
     return fastest * np.logspace(-SPEED_DECADES, 0, SPEED_BINS + 1)
 
 

@@ -180,6 +180,8 @@ class SweepJob(Task):
         threads : int
         """
         found: dict[str, NDArray[Any]] = {}
+        if not self.besides:
+            return found
         some = [self.oscillators[int(place)] for place in places]
         if "spectra" in self.besides:
             each()
