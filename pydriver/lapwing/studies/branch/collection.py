@@ -51,7 +51,7 @@ def nearest(one: Branch, value: float, state: NDArray[np.float64], cycles: int) 
         away = _away(here, state)
         if away > 2 * np.hypot(*(here - there)).max() + NEAR * problem.scale:
             continue
-        point = one.near(near, value)
+        point = one.near(near, far, value)
         if point is None:
             continue
         states = states_at(problem, point.place.layout, point.place.z,

@@ -92,29 +92,56 @@ class Branch:
                                         phases)[1:]) for one in self.points)
 
     def passes(self, value: float) -> list[tuple[int, int]]:
-        """Numbers of the points between which the branch passes a value, the nearer one first."""
+        """Numbers of the points between which the branch passes a value, the nearer one first.
+
+        Where a fold lies between two points it is passed from either of them to the fold.
+        """
         away = self.values - value
         away[np.abs(away) < ROUNDED * self.follower.problem.unit] = 0.0
         found = [(int(k), int(k)) for k in np.flatnonzero(away == 0)]
         found += [(int(k), int(k) + 1) if abs(away[k]) < abs(away[k + 1]) else (int(k) + 1, int(k))
-                  for k in np.flatnonzero(away[:-1] * away[1:] < 0)]
+                  for k in np.flatnonzero(away[:-1] * away[1:] < 0) if k not in self._folds]
+        for k, fold in self._folds.items():
+            turn = fold.value - value
+            found += [(k, k + 1)] * bool(away[k] * turn < 0)
+            found += [(k + 1, k)] * bool(away[k + 1] * turn < 0)
         return sorted(found)
 
-    def near(self, number: int, value: float) -> Point | None:
-        """The branch at a value that it passes next to a point of it."""
-        problem, place = self.follower.problem, self.points[number].place
-        z = place.z.copy()
-        z[-1] = value / problem.unit
+    def near(self, number: int, far: int, value: float) -> Point | None:
+        """The branch at a value that it passes on the way from a point to another beside it."""
+        place, fold = self.points[number].place, self._folds.get(min(number, far))
         try:
-            z = at_value(problem, place.layout, z)
+            if fold is not None and far != number:
+                return self.follower.point(self._before_fold(place, fold.place, value))
+            problem, z = self.follower.problem, place.z.copy()
+            z[-1] = value / problem.unit
+            return self.follower.point(Place(place.layout, at_value(problem, place.layout, z),
+                                             place.tangent))
         except NotCorrected:
             return None
-        return self.follower.point(Place(place.layout, z, place.tangent))
+
+    @cached_property
+    def _folds(self) -> dict[int, Special]:
+        """The fold between two points, the last one of several, by the number of the first."""
+        return {at: one for one, at in zip(self.specials, self.positions, strict=True)
+                if one.kind is Kind.FOLD and 0 <= at < len(self.points) - 1}
+
+    def _before_fold(self, place: Place, fold: Place, value: float) -> Place:
+        """Where the branch has a value between a place and a fold.
+
+        There it lies closer to the other side of the fold than a correction at that value can tell;
+        along the branch it is a point like others.
+        """
+        if not place.layout.same(fold.layout):
+            raise NotCorrected("other events")
+        problem, row = self.follower.problem, self.follower.problem.weights(place.layout)
+        step = float((row * place.tangent) @ (fold.z - place.z))
+        return self.follower.root(place, step, lambda one: problem.value(one.z) - value)[0]
 
     @arguments.complete()
     def at(self, value: float) -> tuple[Point, ...]:
         """The branch at one value of the parameter: a point for each time that it passes it."""
-        found = (self.near(number, value) for number, _ in self.passes(value))
+        found = (self.near(*pair, value) for pair in self.passes(value))
         return tuple(one for one in found if one is not None)
 
     @arguments.complete()
