@@ -5,7 +5,8 @@ module lapwing_polynomial_evaluation
   use lapwing_kinds, only: wp
   implicit none
   private
-  public :: max_degree, horner, horner_slope, value_and_slope, jet, taylor_shift, shift_quintic
+  public :: max_degree, horner, horner_slope, value_and_slope, jet, taylor_shift, shift_quintic, &
+      bend_beyond
   public :: bernstein, bernstein_on, bernstein_about, scale_to_unit, upper_bound, never_below, &
       least, largest
 
@@ -72,6 +73,20 @@ contains
     slope = a(2) + 2*x*(b(1) + x*b(2))
     bend = (b(1) + 3*x*b(2)) + 4*square*(d(1) + x*d(2))
   end subroutine jet
+
+  !> How far the second derivative is from 2 c(2) within a reach of the origin, at most.
+  pure real(wp) function bend_beyond(c, reach) result(bound)
+    real(wp), intent(in) :: c(0:)  !! coefficients
+    real(wp), intent(in) :: reach  !! largest |x|
+    real(wp) :: power
+    integer :: k
+    bound = 0
+    power = reach
+    do k = 3, ubound(c, 1)
+      bound = bound + (k*(k - 1))*abs(c(k))*power
+      power = power*reach
+    end do
+  end function bend_beyond
 
   !> Coefficients about x instead of 0 (repeated synthetic division).
   pure subroutine taylor_shift(c, x)

@@ -11,7 +11,7 @@ program test_exact_arcs
   use lapwing_flow_exact_extrema, only: farthest, next_turn
   use lapwing_kinds, only: wp
   use lapwing_flow_exact_curve, only: scene_t, curve_t, begin_curve, expand_start, expand_fully, &
-      is_smooth
+      expand_over, is_smooth
   use lapwing_flank, only: locate_piece
   implicit none
 
@@ -156,6 +156,8 @@ contains
       call flight_end(scene, curve, wall, touching, stop, at)
       met(at%flank) = met(at%flank) + 1
       call check_end(scene, curve, [wall(1), max(wall(2), -1.0e6_wp)], stop, at, "flight")
+      call expand_over(scene, curve, at%s)
+      call check_turns(scene, curve, at%s, "a flight")
       if (touching /= no_flank) call tally%is_true(at%s > 0, "a flank left is not met at once")
     end do
     print "(a, 3(1x, i0))", "measured: flights to their stop, drive and coast flank", met
@@ -243,44 +245,50 @@ contains
       end if
       call check_end(scene, curve, wall, stop, at, "slow contact")
       call expand_fully(scene, curve)
-      call check_turns(scene, curve, at%s)
+      call check_turns(scene, curve, at%s, "a slow contact")
     end do
     print "(a, 3(1x, i0))", "measured: slow contacts to their stop, off either flank", met
     call tally%below(20.0_wp, real(minval(met), wp), "each end of a slow contact seen")
   end subroutine test_slow_contacts
 
-  !> The farthest point is the largest of the ends and of all turns.
-  subroutine check_turns(scene, curve, until)
+  !> The farthest points, both ways, are those of the ends and of all turns.
+  subroutine check_turns(scene, curve, until, what)
     type(scene_t), intent(in) :: scene       !! scene
     type(curve_t), intent(in) :: curve       !! arc, its series known
     real(wp), intent(in) :: until            !! its length
+    character(*), intent(in) :: what         !! kind of arc
     real(qp) :: x, v, time
-    real(wp) :: most, from, s, at_turns, allowed
+    real(wp) :: from, s, high, low, allowed
     integer :: piece, n
     logical :: found
     allowed = rounding(scene, curve, until)
-    most = farthest(scene, curve, 1.0_wp, until, -huge(until))
     x = curve%x
     v = curve%v
     time = 0
     piece = curve%piece
-    at_turns = curve%x
+    high = curve%x
+    low = curve%x
     from = 0
     n = 0
     do
       call next_turn(scene, curve, from, until, found, s)
       if (.not. found) exit
       n = n + 1
-      if (n > 200) exit
+      if (n > 200) return
       call follow(scene, curve, piece, time, real(s, qp), x, v)
-      at_turns = max(at_turns, real(x, wp))
+      high = max(high, real(x, wp))
+      low = min(low, real(x, wp))
       call tally%near(real(v, wp), 0.0_wp, allowed*max(1.0_wp, 2*scene%form%damping%xi), &
-          "velocity at a turn")
+          what//": velocity at a turn")
       from = s
     end do
     call follow(scene, curve, piece, time, real(until, qp), x, v)
-    at_turns = max(at_turns, real(x, wp))
-    if (n <= 200) call tally%near(most, at_turns, allowed, "farthest point of a slow contact")
+    high = max(high, real(x, wp))
+    low = min(low, real(x, wp))
+    call tally%near(farthest(scene, curve, 1.0_wp, until, -huge(until)), high, allowed, &
+        what//": largest x")
+    call tally%near(-farthest(scene, curve, -1.0_wp, until, -huge(until)), low, allowed, &
+        what//": smallest x")
   end subroutine check_turns
 
   !> One kink in mid-period: velocity at the stop is that before it, though the flank turns there.

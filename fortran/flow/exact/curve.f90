@@ -15,7 +15,8 @@ module lapwing_flow_exact_curve
   use lapwing_polynomial_evaluation, only: max_degree
   implicit none
   private
-  public :: curve_t, scene_t, begin_curve, expand_start, expand_fully, motion_taylor, is_smooth
+  public :: curve_t, scene_t, begin_curve, expand_start, expand_fully, expand_over, &
+      motion_taylor, is_smooth
 
   !> 1/(k (k - 1)) for k from 2 on: two integrations of a power.
   real(wp), parameter :: over_pairs(2:start_order) = 1/[2.0_wp, 6.0_wp, 12.0_wp, 20.0_wp, &
@@ -101,6 +102,25 @@ contains
     if (curve%near < 0) call expand_shortly(scene, curve)
     if (goes_on(scene, curve)) call expand_up_to(scene, curve, start_order)
   end subroutine expand_fully
+
+  !> As many terms as reach over an arc of a length; in flight six, where none do.
+  pure subroutine expand_over(scene, curve, length)
+    type(scene_t), intent(in) :: scene
+    type(curve_t), intent(inout) :: curve      !! its series is set
+    real(wp), intent(in) :: length             !! of the arc
+    integer :: n
+    if (curve%contact) then
+      call expand_fully(scene, curve)
+      return
+    end if
+    call expand_shortly(scene, curve)
+    if (.not. goes_on(scene, curve)) return
+    do n = max_degree + 2, start_order, 2
+      if (length <= curve%near) return
+      if (length*fastest(scene, curve) > reach(n)) cycle
+      call expand_up_to(scene, curve, n)
+    end do
+  end subroutine expand_over
 
   !> Whether the flank's motion is a series, smooth throughout the period.
   pure logical function is_smooth(flank)

@@ -11,7 +11,7 @@ module lapwing_flow_exact_exact_flow
   use lapwing_flow_exact_flight, only: end_t, flight_end, bounce, least_width
   use lapwing_flow_exact_interval_bounds, only: make_blocks
   use lapwing_flow_exact_curve, only: scene_t, curve_t, begin_curve, expand_start, expand_fully, &
-      is_smooth
+      expand_over, is_smooth
   use lapwing_flow_exact_motion, only: curve_at, acceleration_at
   use lapwing_flow_exact_panels, only: most_panels
   use lapwing_flow_exact_response, only: make_closed_form, make_form_at_rest
@@ -267,7 +267,7 @@ contains
     end associate
   end subroutine state_at
 
-  !> The curve of an arc seen from a flank, its series known.
+  !> The curve of an arc seen from a flank.
   pure subroutine curve_from(self, begin, flank, curve)
     class(exact_flow_t), intent(in) :: self
     type(instant_t), intent(in) :: begin         !! where the arc begins
@@ -286,7 +286,6 @@ contains
       end if
     end if
     call curve_of_arc(self, seen, seen%piece, curve)
-    call expand_fully(self%scene(view(self, flank)), curve)
   end subroutine curve_from
 
   !> Report where an arc comes near a flank, or near release, and turns back.
@@ -303,6 +302,7 @@ contains
       if (arc%begin%motion_state /= separation .and. arc%begin%motion_state /= flank) cycle
       work%graze_searches = work%graze_searches + 1
       call curve_from(self, arc%begin, flank, curve)
+      call expand_fully(self%scene(view(self, flank)), curve)
       call turns_near_flank(self, self%scene(view(self, flank)), system, arc, curve, flank, &
           within, listener)
     end do
@@ -354,7 +354,10 @@ contains
     type(curve_t) :: curve
     work%depth_searches = work%depth_searches + 1
     call curve_from(self, arc%begin, flank, curve)
-    largest = farthest_of(self%scene(view(self, flank)), curve, -1.0_wp, arc%length, least)
+    associate (scene => self%scene(view(self, flank)))
+      call expand_over(scene, curve, arc%length)
+      largest = farthest_of(scene, curve, -1.0_wp, arc%length, least)
+    end associate
   end subroutine farthest
 
   !> When a tooth in rigid contact would be pulled: F - g'' of a series falls to zero. It is the

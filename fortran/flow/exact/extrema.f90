@@ -8,14 +8,17 @@ module lapwing_flow_exact_extrema
   use lapwing_flow_exact_root_search, only: first_turn
   use lapwing_system_oscillation, only: n_taylor
   use lapwing_flow_exact_slow_contact, only: slow_turn, slow_farthest, panel_in_contact
-  use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, bernstein_on, largest
-  use lapwing_polynomial_roots, only: newton, raise_to_largest, is_parabola
+  use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, jet, bend_beyond, &
+      bernstein_on, largest
+  use lapwing_polynomial_roots, only: raise_to_largest, is_parabola
   implicit none
   private
   public :: next_turn, farthest
 
-  !> A turn found to this part of an interval is exact to rounding in the value there.
-  real(wp), parameter :: close_enough = 1.0e-9_wp
+  !> Newton's step to a turn at which the parabola there gives its value to rounding: what it leaves
+  !> out is the cube of the step, over the interval.
+  real(wp), parameter :: close_enough = 3.0e-6_wp
+  integer, parameter :: most_steps = 12        !! of Newton; three or four are needed
   !> A velocity in contact that is less than this part of the depth, per unit of tau, is rounding.
   real(wp), parameter :: still = 1000*epsilon(1.0_wp)
   !> Turns are not looked for in so small a part of an arc once they are rounding.
@@ -102,40 +105,42 @@ contains
         call raise(sign*curve%taylor(0:curve%degree), 0.0_wp, until, farthest, found)
         if (found) return
       end if
+      farthest = farthest_over_series(scene, curve, sign, until, least)
+      return
     end if
-    if (curve%contact .and. scene%form%graded) then
+    if (scene%form%graded) then
       farthest = slow_farthest(scene, curve, sign, until, least)
     else
       farthest = farthest_over_panels(scene, curve, sign, until, least)
     end if
   end function farthest
 
-  !> Raise `most` to the largest value of a polynomial on an interval, if its second derivative
-  !> keeps its sign there: then it turns once or not at all.
+  !> Raise `most` to the largest value of a polynomial of odd degree on an interval, if its second
+  !> derivative keeps its sign there: then it turns once or not at all.
   pure subroutine raise(c, from, to, most, one_turn)
     real(wp), intent(in) :: c(0:)              !! coefficients
     real(wp), intent(in) :: from, to           !! interval
     real(wp), intent(inout) :: most            !! largest value
     logical, intent(out) :: one_turn           !! whether it does
-    real(wp) :: tail, power, s, bend, reach, slope(0:ubound(c, 1) - 1)
-    integer :: k
-    logical :: found
-    reach = max(abs(from), abs(to))
-    tail = 0
-    power = reach
-    do k = 3, ubound(c, 1)
-      tail = tail + (k*(k - 1))*abs(c(k))*power
-      power = power*reach
-    end do
-    one_turn = tail < abs(c(2))
+    real(wp) :: value, slope, bend, s, step, slopes(2)
+    integer :: i
+    one_turn = bend_beyond(c, max(abs(from), abs(to))) < 1.9_wp*abs(c(2))
     if (.not. one_turn) return
-    most = max(most, horner(c, from), horner(c, to))
-    if (c(2) >= 0 .or. horner_slope(c, from) <= 0 .or. horner_slope(c, to) >= 0) return
-    slope = [(k*c(k), k = 1, ubound(c, 1))]
-    s = min(max(-c(1)/(2*c(2)), from), to)
-    ! What is left of the turn counts only squared.
-    call newton(slope, from, to, close_enough*(to - from), 0.0_wp, s, bend, found)
-    most = max(most, horner(c, s))
+    slopes = 0
+    if (c(2) < 0) slopes = [horner_slope(c, from), horner_slope(c, to)]
+    if (slopes(1) <= 0 .or. slopes(2) >= 0) then
+      most = max(most, horner(c, from), horner(c, to))
+      return
+    end if
+    s = from + (to - from)*(slopes(1)/(slopes(1) - slopes(2)))
+    do i = 1, most_steps
+      call jet(ubound(c, 1), c, s, value, slope, bend)
+      step = -0.5_wp*slope/bend
+      if (abs(step) <= close_enough*(to - from)) exit
+      s = min(max(s + step, from), to)
+    end do
+    one_turn = i <= most_steps
+    if (one_turn) most = max(most, value + 0.5_wp*slope*step)
   end subroutine raise
 
   !> In flight over table pieces, or over a flank that stands: polynomials of degree five.
@@ -180,7 +185,100 @@ contains
     call raise_to_largest(c, length, most)
   end subroutine raise_on_piece
 
-  !> In contact, or in flight over a series.
+  !> In flight over a series: from panel to panel, where a bound of what g bends tells how the
+  !> motion turns between two known states.
+  pure real(wp) function farthest_over_series(scene, curve, sign, until, least) result(most)
+    type(scene_t), intent(in) :: scene
+    type(curve_t), intent(in) :: curve         !! arc, the flank's motion at its beginning known
+    real(wp), intent(in) :: sign               !! +1: the largest x, -1: the smallest
+    real(wp), intent(in) :: until              !! end of the arc
+    real(wp), intent(in) :: least              !! value known already
+    real(wp) :: begin, finish, from(2), to(2)
+    integer :: panel, last
+    most = max(least, sign*curve%x)
+    if (scene%blocks%panels > 0) call look_at_ends(scene, curve, sign, until, most)
+    from = sign*[curve%x, curve%v]
+    panel = locate_panel(scene%form, curve%t)
+    begin = 0
+    do
+      last = last_of_block(scene, panel)
+      finish = min(scene%form%edge(last + 1) - curve%t, until)
+      if (last > panel) then
+        if (block_bound(scene, curve, sign, panel, begin, finish) > most) then
+          last = panel
+          finish = min(scene%form%edge(last + 1) - curve%t, until)
+        end if
+      end if
+      to = sign*flight_in(scene, curve, last, finish)
+      most = max(most, to(1))
+      if (last == panel) call raise_in_panel(scene, curve, sign, panel, begin, finish, from, to, &
+          most)
+      if (finish >= until .or. last == scene%form%n) return
+      begin = finish
+      from = to
+      panel = last + 1
+    end do
+  end function farthest_over_series
+
+  !> Position and velocity of a flight over a series at a time in a panel.
+  pure function flight_in(scene, curve, panel, s) result(state)
+    type(scene_t), intent(in) :: scene
+    type(curve_t), intent(in) :: curve         !! arc
+    integer, intent(in) :: panel
+    real(wp), intent(in) :: s                  !! time since the arc began
+    real(wp) :: state(2), g, slope, bend
+    if (curve%t + s >= scene%form%edge(panel + 1)) then
+      g = scene%form%g_taylor(0, panel + 1)
+      slope = scene%form%g_taylor(1, panel + 1)
+    else
+      associate (here => scene%form%panel(panel))
+        call jet(n_taylor, here%g, curve%t + s - here%middle, g, slope, bend)
+      end associate
+    end if
+    call fly_from(scene, curve, s, g, slope, state(1), state(2))
+  end function flight_in
+
+  !> Raise `most` to the largest sign*x in part of a panel, in flight over a series.
+  pure subroutine raise_in_panel(scene, curve, sign, panel, begin, finish, from, to, most)
+    type(scene_t), intent(in) :: scene
+    type(curve_t), intent(in) :: curve         !! arc
+    real(wp), intent(in) :: sign               !! +1 or -1
+    integer, intent(in) :: panel
+    real(wp), intent(in) :: begin, finish      !! the part
+    real(wp), intent(in) :: from(2), to(2)     !! sign*[x, v] there
+    real(wp), intent(inout) :: most            !! largest value, not below those there
+    real(wp) :: bend, high, width, series(0:n_taylor), s, middle, at(2)
+    logical :: found
+    width = finish - begin
+    associate (here => scene%form%panel(panel))
+      bend = sign*(scene%force - 2*here%g(2))
+      if (bend - here%g_bend >= 0) return
+      high = bend + here%g_bend
+      if (from(2) <= 0 .or. to(2) >= 0) then
+        ! It would have to bend up to turn twice.
+        if (max(to(2), -from(2)) >= 0.5_wp*high*width) return
+      else
+        ! It is below both tangents wherever it bends down.
+        s = (to(1) - from(1) - to(2)*width)/(from(2) - to(2))
+        if (high <= 0 .and. from(1) + from(2)*s <= most) return
+      end if
+      if (flight_bound(scene, curve, sign, begin, finish, here%g_low, here%g_high) <= most) return
+      middle = here%middle - curve%t
+    end associate
+    call flight_series(scene, curve, panel, sign, 0.0_wp, series)
+    call raise(series, begin - middle, finish - middle, most, found)
+    if (found) return
+    s = begin
+    do
+      call first_turn(scene, curve, panel, s > begin, s, finish, found, middle)
+      if (.not. found .or. middle <= s) return
+      s = middle
+      at = sign*flight_in(scene, curve, panel, s)
+      most = max(most, at(1))
+    end do
+  end subroutine raise_in_panel
+
+  !> In contact.
   !>
   !> Panels are bounded by their Bernstein coefficients, blocks of panels by ranges; only those that
   !> could hold a larger value than the ends of all of them are searched.
@@ -215,18 +313,7 @@ contains
     pure subroutine search_panel(lower, upper)
       real(wp), intent(in) :: lower, upper   !! part of the panel
       real(wp) :: from, s, at, rate, c(0:max_degree), rest
-      real(wp) :: series(0:n_taylor), middle
       logical :: found
-      if (.not. curve%contact .and. lower > curve%near) then
-        associate (here => scene%form%panel(panel))
-          at = flight_bound(scene, curve, sign, lower, upper, here%g_low, here%g_high)
-          if (at <= most) return
-          call flight_series(scene, curve, panel, sign, 0.0_wp, series)
-          middle = here%middle - curve%t
-        end associate
-        call raise(series, lower - middle, upper - middle, most, found)
-        if (found) return
-      end if
       call curve_taylor(scene, curve, panel, lower > 0, lower, c, rest)
       if (maxval(bernstein_on(sign*c, upper - lower)) + rest*(upper - lower)**(max_degree + 1) &
           <= most) return

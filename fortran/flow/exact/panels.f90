@@ -53,6 +53,7 @@ module lapwing_flow_exact_panels
     real(wp) :: q_bernstein(0:max_degree) = 0      !! and of q
     real(wp) :: d_bernstein(0:max_degree, 2) = 0   !! of d for unit d and d' at the middle
     real(wp) :: g_rest = 0, q_rest = 0             !! what they leave out
+    real(wp) :: g_bend = 0                         !! |g'' - 2 g(2)| is no larger, with a series
     real(wp) :: d_rest = 0                         !! the same of d, over E in the middle
     real(wp) :: d_matrix(2, 2) = 0                 !! d from this middle to the next panel's
     real(wp) :: q_begin(2) = 0                     !! q and q' at its beginning

@@ -9,7 +9,8 @@ module lapwing_flow_exact_response
       bound_free_part, ordinary_panels, panel_span, bound_order
   use lapwing_flow_exact_piece_response, only: forced_taylor, fixed_point, sixth_of, &
       has_slow_response, slow_response
-  use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, bernstein_about
+  use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, bernstein_about, &
+      bend_beyond
   use lapwing_system_oscillation, only: damped, free_matrix, n_taylor
   implicit none
   private
@@ -108,6 +109,7 @@ contains
         panel%q_bernstein = bernstein_about(panel%q, panel%half)
         panel%g_rest = self%g_bound*panel%half**bound_order
         panel%q_rest = self%q_bound*panel%half**bound_order
+        panel%g_bend = bend_beyond(panel%g, panel%half)
         panel%g_low = minval(panel%g_bernstein) - panel%g_rest
         panel%g_high = maxval(panel%g_bernstein) + panel%g_rest
         call series_at(self%q, self%edge(i), panel%q_begin(1), panel%q_begin(2))
