@@ -138,6 +138,16 @@ def test_a_map_says_by_what_to_choose(plane):
     assert findings(lacking)[0].startswith("**Which torque to choose map `plane` does not answer**")
 
 
+def test_beside_torques_looked_at_singly_a_map_gives_no_second_choice(plane):
+    """The searches of a run say 12.5 N·m, a map of single runs from rest 12 at the same speed."""
+    alone, beside = findings(plane), findings(plane, chosen=True)
+    assert alone[0].startswith("**Choose ") and alone[1:] == beside[1:]
+    assert not any("Choose" in sentence or "One start alone" in sentence for sentence in beside)
+    assert "from one start each" in beside[0] and "that holds" in beside[0]
+    few = plane.isel(brake_torque=[0])
+    assert "does not answer" in findings(few)[0] and "answer" not in findings(few, chosen=True)[0]
+
+
 def test_ranges_are_told_by_the_most_that_any_of_their_speeds_needs():
     """A narrow peak between two speeds told would be missed: every speed lies in a range."""
     speeds = np.arange(100.0, 400.0, 10.0)

@@ -55,12 +55,13 @@ def findings(responses: Any, criticals: Any, sweeps: Any, missing: Any = (),
     stopped = _stopped([*sweeps, *maps, *ensembles, *basins], lines, missing)
     torque = _Told(responses, criticals, sweeps, conditions, diagrams)
     said, drifting = torque.sentences(), drifts(responses)
+    chosen = bool(said) and not unanswered(torque)
     # Where no torque was searched what was looked at comes first.
     answers = [*(drifting if unanswered(torque) else []), *said,
                *([] if unanswered(torque) else drifting),
                *(sentence for one in diagrams for sentence in branches_findings(one)),
                *noise_findings(criticals), *besides(criticals, sweeps),
-               *(sentence for one in maps for sentence in map_findings(one)),
+               *(sentence for one in maps for sentence in map_findings(one, chosen)),
                *ensemble_findings(list(ensembles)),
                *(sentence for one in lines for sentence in along.findings(one)),
                *(sentence for one in basins for sentence in attractor_basins.findings(one))]

@@ -19,8 +19,15 @@ if TYPE_CHECKING:
 COLUMNS_TOLD = 6
 
 
-def findings(data: xr.Dataset) -> list[str]:
-    """What a map answers, as a sentence or two in Markdown; none where it has no result."""
+def findings(data: xr.Dataset, chosen: bool = False) -> list[str]:
+    """What a map answers, as a sentence or two in Markdown; none where it has no result.
+
+    Parameters
+    ----------
+    data : Dataset of a map
+    chosen : bool, whether torques were looked at singly besides, from more starts, and what
+        follows from that is told already
+    """
     known = data["status"].values == Status.OK
     if not known.any():
         return []
@@ -35,34 +42,44 @@ def findings(data: xr.Dataset) -> list[str]:
     for what, where in (("separation", seen), (f"back {law.word}s", back)):
         said.append(f"{what} seen up to {last_seen(data, where)}" if where.any()
                     else f"no {what} seen")
-    return [*_choice(data), f"{said[0]} {'; '.join(said[1:])}."
+    return [*_choice(data, chosen), f"{said[0]} {'; '.join(said[1:])}."
             + f" {plural(lost, 'run')} without a result may hold others." * bool(lost),
             *_above_full(data, begun)]
 
 
-def _choice(data: xr.Dataset) -> list[str]:
-    """The least torques beyond which no run rattles, where one axis is the braking torque."""
+def _choice(data: xr.Dataset, chosen: bool) -> list[str]:
+    """The least torques beyond which no run rattles, where one axis is the braking torque.
+
+    They are no choice where another is told already: one start may miss what more have found.
+    """
     found = choices(data)
     if found is None:
         return []
     other, torques, quiet = found
     unit, words = parameter_unit("brake_torque"), parameter_words(other)
     known = np.isfinite(quiet)
+    if chosen and not known.any():
+        return []
     if not known.any():
         return [f"**Which torque to choose map `{data.attrs['name']}` does not answer**: look at "
                 f"higher ones than {torques[-1]:g} {unit}."]
     values, of = data[other].values, parameter_unit(other)
     alone = " One start alone was tried: another motion may live beside it."
+    if chosen:
+        alone = " Where torques were looked at singly, as told above, that holds: it rests on " \
+            "more starts."
     if known.all() and np.ptp(quiet) == 0:
-        return [f"**Choose at least {quiet[0]:g} {unit} on the gear**: nothing that was run "
-                f"rattles from there on.{alone}"]
+        head = f"At every {words} of map `{data.attrs['name']}` {quiet[0]:g} {unit} on the gear " \
+            "were enough" if chosen else f"Choose at least {quiet[0]:g} {unit} on the gear"
+        return [f"**{head}**: nothing that was run rattles from there on.{alone}"]
     # A torque at some speeds alone would be taken for those between, too: peaks are narrow.
     told = "; ".join(f"{_most(quiet[first:end + 1], torques)} {_range(values, first, end)} "
                      f"{of}".rstrip() for first, end in _parts(known))
     beyond = "" if known.all() else (
         f"; at {bands(values, ~known)} {of}".rstrip() + f" more than the {torques[-1]:g} {unit} "
         "looked at, or not known")
-    return [f"**Choose by the {words}** (on the gear; the most that is needed over each range, "
+    head = f"By the {words}, from one start each" if chosen else f"Choose by the {words}"
+    return [f"**{head}** (on the gear; the most that is needed over each range, "
             f"from which on nothing that was run rattles): {told}{beyond}; beyond "
             f"{values[0]:g} and {values[-1]:g} {of}".rstrip() + f" nothing was looked at.{alone}"]
 
