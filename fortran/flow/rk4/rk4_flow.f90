@@ -219,6 +219,8 @@ contains
     type(work_t), intent(inout) :: work           !! counts
     !> Part of the piece before a turn, where the distance must be larger: a minimum.
     real(wp), parameter :: before = 1.0e-3_wp
+    !> A distance that varies no more over the piece, in parts of it, turns by rounding alone.
+    real(wp), parameter :: still = 1000*epsilon(1.0_wp)
     real(wp) :: c(0:max_degree), length, at(max_degree), distance
     type(instant_t) :: instant
     type(frame_t) :: here
@@ -233,6 +235,7 @@ contains
       distance = horner(c, at(i))
       if (distance <= 0 .or. distance > within) cycle
       if (horner(c, at(i) - before*length) < distance) cycle
+      if (max(c(0), horner(c, length)) - distance <= still*distance) cycle
       here = frame
       call instant_on(self, system, arc, frame%piece_begin + at(i), here, instant)
       call listener%hear(flank, instant)
