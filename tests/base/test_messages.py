@@ -12,6 +12,7 @@ from lapwing.base.messages import (
     bounded,
     cut,
     cut_words,
+    percent,
 )
 
 
@@ -46,3 +47,11 @@ def test_cutting():
     assert cut("x" * 41) == "x" * 37 + "..."
     assert cut_words("a " + "x" * 1000 + " b") == "a " + "x" * 197 + "... b"
     assert len(cut_words("ab " * 1000)) == MAX_LENGTH
+
+
+@pytest.mark.parametrize(("value", "words"), [
+    (0.5, "50 %"), (0.0036, "0.36 %"), (1.0, "100 %"), (0.99996, "99.99 %"), (0.9914, "99.14 %"),
+    (float("nan"), "not known"), (0.0, "0 %"),
+    (1e-6, "0.0001 %"), (1 - 1e-6, "99.99 %"), (1 - 1e-15, "100 %")])
+def test_nearly_all_is_not_all(value, words):
+    assert percent(value) == words

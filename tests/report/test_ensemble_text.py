@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from lapwing import Draw, Numerics, TransmissionError, ensemble
+from lapwing.base.messages import percent
 from lapwing.plots.ensemble import distributions, tornado
 from lapwing.report.ensemble.findings import findings
-from lapwing.report.ensemble.text import ensemble_text, headline, percent
+from lapwing.report.ensemble.text import ensemble_text, headline
 from lapwing_bench.scenes import PAIR
 
 TE = TransmissionError.harmonic([17e-6, 4.5e-6, 1.5e-6], [0.0, 1.0, 2.0], [1, 2, 3])
@@ -112,13 +113,6 @@ def test_a_figure_has_bars_longest_on_top(pairs):
     ranks = tornado.draw(pairs.drop_vars([name for name in pairs if "effect" in str(name)]), None)
     assert ranks.axes[0].get_xlabel() == "rank correlation" and not ranks.legends
     assert np.ptp(ranks.axes[0].get_xlim()) == 2
-
-
-@pytest.mark.parametrize(("value", "words"), [
-    (0.5, "50 %"), (0.0036, "0.36 %"), (1.0, "100 %"), (0.99996, "99.99 %"), (0.9914, "99.14 %"),
-    (np.nan, "not known"), (0.0, "0 %")])
-def test_nearly_all_is_not_all(value, words):
-    assert percent(value) == words
 
 
 def test_what_differs_by_rounding_is_told_in_words():

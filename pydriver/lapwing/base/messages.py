@@ -33,6 +33,15 @@ def at_most(value: float, step: float = 0.0) -> str:
     return _rounded(value, math.floor, step)
 
 
+def percent(share: float) -> str:
+    """A share or probability in per cent, to three digits; one short of all is not told as all."""
+    if not math.isfinite(share):
+        return "not known"
+    # A sum of parts that are all may be short of it by rounding.
+    return f"{100 * share:.3g} %" if share <= 0.99 or share > 1 - 1e-12 else \
+        f"{math.floor(1e4 * share) / 100:g} %"
+
+
 def _rounded(value: float, towards: Callable[[float], int], step: float) -> str:
     if value == 0 or not math.isfinite(value):
         return f"{value:g}"

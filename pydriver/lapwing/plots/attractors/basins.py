@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lapwing.base.codes import Status
+from lapwing.base.messages import percent
 from lapwing.plots import style
-from lapwing.plots.attractors.parts import NOT_KNOWN, colours, name_of, percent
+from lapwing.plots.attractors.parts import NOT_KNOWN, colours, name_of
 from lapwing.plots.map import parts
 
 if TYPE_CHECKING:

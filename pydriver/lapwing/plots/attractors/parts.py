@@ -37,10 +37,3 @@ def name_of(data: xr.Dataset, number: int) -> str:
     rate, word = float(one["impacts_per_cycle"]), arrivals_in(data.attrs).word
     depth = float(f"{style.URAD * float(one['deepest_separation']):.3g}")
     return f"{period}, {rate:.3g} {word}{'s' * (rate != 1)} a cycle, {depth:g} µrad deep"
-
-
-def percent(share: float) -> str:
-    """A share of the starts; a small one is not told as none, nor one short of all as all."""
-    if 0 < share < 1e-3:
-        return "< 0.1 %"
-    return "> 99.9 %" if 0.999 < share < 1 else f"{100 * share:.1f} %"

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lapwing.base.arrivals import arrivals_in
+from lapwing.base.messages import percent
 from lapwing.report.answers.conditions import Conditions
-from lapwing.report.attractors.words import lossless, percent
+from lapwing.report.attractors.words import lossless
 from lapwing.report.words import markdown, parameter_unit, parameter_words, plural, sections, span
 
 if TYPE_CHECKING:

@@ -10,7 +10,8 @@ import numpy as np
 
 from lapwing.base.arrivals import arrivals_in
 from lapwing.base.codes import Status
-from lapwing.report.attractors.words import attractor_rows, lossless, motion_words, percent
+from lapwing.base.messages import percent
+from lapwing.report.attractors.words import attractor_rows, lossless, motion_words
 from lapwing.report.words import markdown, plural, sections
 from lapwing.results.findings import endings
 

@@ -7,21 +7,12 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from lapwing.base.arrivals import arrivals_in
+from lapwing.base.messages import percent
 from lapwing.report.ensemble.text import limits
 from lapwing.report.words import NOT_SAID, SEARCH_WOULD_SAY, parameter_unit
 
 if TYPE_CHECKING:
     import xarray as xr
-
-
-def percent(share: float) -> str:
-    """A share in per cent; a small one is not told as none, one short of all not as all."""
-    if not math.isfinite(share):
-        return "not known"
-    if 0 < share < 1e-3:
-        return "< 0.1 %"
-    # A sum of parts that are all may be short of it by rounding.
-    return "> 99.9 %" if 0.999 < share < 1 - 1e-12 else f"{100 * share:.3g} %"
 
 
 def lossless(attrs: Mapping[str, Any]) -> str:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lapwing.base.arrivals import arrivals_in
+from lapwing.base.messages import percent
 from lapwing.report.answers.conditions import Conditions
-from lapwing.report.ensemble.text import SAMPLINGS, limits, percent, rank_words
+from lapwing.report.ensemble.text import SAMPLINGS, limits, rank_words
 from lapwing.report.words import parameter_unit, parameter_words
 from lapwing.results.findings import endings, parameters_of
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lapwing.base.codes import Status
+from lapwing.base.messages import percent
 from lapwing.report.words import markdown, parameter_words, plural, sections, with_result
 from lapwing.results.findings import answers, endings, events_of, influenced, parameters_of
 
@@ -77,14 +78,6 @@ def _how_sure(data: xr.Dataset) -> str:
             f"{data['status'].size // scrambles}; where fewer than {2 * scrambles} pairs differ "
             f"from the rest, at least those of as many independent draws (seed {attrs['seed']})."
             f"{lost}")
-
-
-def percent(value: float) -> str:
-    """A probability in per cent, to three digits, at most 100."""
-    if not math.isfinite(value):
-        return "not known"
-    return f"{100 * value:.3g} %" if 100 * value <= 99 or value == 1 else \
-        f"{math.floor(1e4 * value) / 100:g} %"
 
 
 def limits(low: float, high: float, spell: Any) -> str:
