@@ -51,7 +51,17 @@ def call(*words):
 @pytest.fixture
 def no_figures(monkeypatch):
     """Figures have tests of their own; drawing them is most of a short run's time."""
-    monkeypatch.setattr("lapwing.plots.draw_all", lambda *_, **__: [])
+    monkeypatch.setattr("lapwing.plots.Drawing", NoDrawing)
+
+
+class NoDrawing:
+    """In place of `lapwing.plots.Drawing`."""
+
+    def __init__(self, *_, **__):
+        pass
+
+    def finish(self, _):
+        return []
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -287,7 +297,7 @@ main()
 """
 PLACES = {"lapwing.deck:load_deck": False, "lapwing.studies.response.study:response": False,
           "lapwing.studies.sweep.study:sweep": True, "lapwing.results.file:store_checksums": True,
-          "lapwing.plots:draw_all": True, "lapwing.plots.pool:wait": True}
+          "lapwing.plots:attempt": True, "lapwing.plots.pool:wait": True}
 
 
 def signalled(tmp_path, where, signum):
@@ -302,7 +312,7 @@ def signalled(tmp_path, where, signum):
 
 EVERY_DAY = {("SIGINT", "lapwing.deck:load_deck"),
              ("SIGINT", "lapwing.studies.response.study:response"),
-             ("SIGINT", "lapwing.plots.pool:wait"), ("SIGTERM", "lapwing.plots:draw_all"),
+             ("SIGINT", "lapwing.plots.pool:wait"), ("SIGTERM", "lapwing.plots:attempt"),
              ("SIGUSR1", "lapwing.results.file:store_checksums")}
 
 

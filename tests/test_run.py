@@ -230,7 +230,7 @@ def test_the_lock_may_be_taken_again_in_one_process(tmp_path):
 
 
 STOPS = ("lapwing.studies.of_deck:compute", "lapwing.results:write_results",
-         "lapwing.report.summary:summary_text", "lapwing.plots:draw_all",
+         "lapwing.report.summary:summary_text", "lapwing.plots:attempt",
          "lapwing.results.store:Manifest.write", "lapwing.results.store:_bring_along",
          "lapwing.results.store:_exchange", "lapwing.results.store:_dissolve")
 KILLED = """
@@ -365,7 +365,7 @@ def test_a_signal_while_drawing_keeps_the_results(done, tmp_path, monkeypatch):
 
     out = tmp_path / "r"
     with monkeypatch.context() as patch:
-        patch.setattr("lapwing.plots.draw_all", stop)
+        patch.setattr("lapwing.plots.Drawing.finish", stop)
         assert run_deck(load_deck(done[0]), out, threads=1).interrupted
     with read_results(out / "small" / "result.nc") as results:
         assert not results.interrupted

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from typing import Any
@@ -33,8 +34,13 @@ def _carried_out() -> Any:
         if sys.argv[1:] == ["--version"]:  # one line, which needs no command line loaded
             print(console.version_line())
             return console.flush_streams(exit_codes.ExitCode.GOOD)
+        from lapwing import executors
+
+        executors.hide_dask()
+        gc.disable()  # what is loaded stays
         from lapwing.cli import called
 
+        gc.enable()
         signals.check()  # while modules are loaded a signal waits
         code = called()
     except KeyboardInterrupt:

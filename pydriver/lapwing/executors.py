@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -19,6 +20,18 @@ EXPECTED = "expected mpi, or dask=ADDRESS of a scheduler"
 
 class NotTheRoot(Exception):
     """Told to a worker whose work is done: it has nothing to say."""
+
+
+def hide_dask() -> None:
+    """Have this process not find Dask, which xarray loads wherever it is: half a second."""
+    modules: Any = sys.modules
+    modules.setdefault("dask", None)
+
+
+def show_dask() -> None:
+    """Have it found again."""
+    if sys.modules.get("dask", sys) is None:
+        del sys.modules["dask"]
 
 
 @contextmanager
@@ -54,6 +67,7 @@ def opened(name: str | None) -> Iterator[Executor | None]:
     if kind != "dask" or not address:
         raise ValueError(f"--executor {name}: {EXPECTED}")
     with _needed("dask"):
+        show_dask()
         from distributed import Client
     with Client(address) as client, client.get_executor(pure=False, retries=3) as executor:
         yield _Shared(client, executor)

@@ -52,7 +52,9 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
+    from lapwing.plots import Drawing
     from lapwing.plots.pool import DrawingPool
+    from lapwing.results import Results
     from lapwing.studies.of_deck import Found
 
 
@@ -170,7 +172,8 @@ class _Run:
             findings = findings_in(read_text(self.folder / SUMMARY))
             return Outcome(self.folder, reused=True, findings=findings)
         estimates.require_disk(self.deck, self.folder)
-        with DrawingPool(share_of(self.threads)) as pool:
+        with DrawingPool(share_of(self.threads) if self.words else 1,
+                         pdf=any(word.startswith("pdf ") for word in self.words)) as pool:
             if force and self.there.inputs == self.inputs:  # else these are parts of what is new
                 discard_studies(self.shards)
             note_deck(self.deck, self.shards)
@@ -224,10 +227,10 @@ class _Run:
 
     def _publish(self, found: Found, pool: DrawingPool) -> Outcome:
         """Write everything aside and publish it."""
-        from lapwing.plots import FORMATS
+        from lapwing.plots import FORMATS, Drawing
         from lapwing.report.answers.findings import findings_in
         from lapwing.report.summary import headlines
-        from lapwing.results import engine_digest
+        from lapwing.results import engine_digest, read_results
         from lapwing.studies.of_deck import studies_of
 
         folder = self.aside if found.interrupted and self.there.complete else self.folder
@@ -239,24 +242,29 @@ class _Run:
                 stack.enter_context(FolderLock(folder))
                 known = ()
             staging = stack.enter_context(Staging(folder))
-            stopped = found.interrupted
+            stack.push(pool)  # what is drawn there ends before it goes
             try:
                 with held():
                     variables = self._write(found, staging.path)
+                    results = stack.enter_context(
+                        read_results(staging.path / RESULT_FILE, check=False))
+                    # Others draw while the summary is written.
+                    drawing = None if found.interrupted or not self.words else \
+                        Drawing(results, staging.path, words=self.words, pool=pool)
+                    self._tell(results, staging.path)
                     findings = findings_in(read_text(staging.path / SUMMARY))
-            except KeyboardInterrupt:
-                stopped = True  # raised at the end of the block: the files are whole
-            if not stopped:
-                try:
-                    undrawn, refused = self._draw(staging.path, pool)
+                # Raised at the end of the block: the files are whole.
+                if not found.interrupted:
+                    undrawn, refused = self._drawn(drawing)
                     drawn = True
-                except KeyboardInterrupt:
-                    pool.stop()
-                    for path in staging.path.iterdir():
-                        if path.suffix[1:] in FORMATS:
-                            path.unlink()
+            except KeyboardInterrupt:
+                pool.stop()
+                for path in staging.path.iterdir():
+                    if path.suffix[1:] in FORMATS:
+                        path.unlink()
             if undrawn or not drawn:
-                self._forget_lost_figures(staging.path)
+                self._forget_lost_figures(results, staging.path)
+            results.close()
             manifest = Manifest.of(
                 staging.path, state=COMPLETE if drawn and not undrawn else INCOMPLETE,
                 inputs=self.inputs, program=__version__, engine=engine_digest(),
@@ -276,8 +284,8 @@ class _Run:
                        headlines=headlines(found.studies, missing))
 
     def _write(self, found: Found, folder: Path) -> dict[str, str]:
-        """Result file, summary and the deck as used; returns the checksums of the variables."""
-        from lapwing.results import read_results, write_results
+        """Result file and the deck as used; returns the checksums of the variables."""
+        from lapwing.results import write_results
         from lapwing.studies.of_deck import studies_of
 
         done = self.report("results", 100, "%")
@@ -292,55 +300,51 @@ class _Run:
                 te_sign=self.deck.operation["te_sign"], found=found.studies,
                 te_source=_te_source(self.deck), measured=_measured(self.deck),
                 interrupted=found.interrupted, studies=studies_of(self.deck))
-        with read_results(folder / RESULT_FILE, check=False) as results:
-            self._warn(results.transmission_error.attrs)
-        self._summarise(folder)
         (folder / USED_DECK).write_text(text, encoding="utf-8")
         done(1.0)
         return variables
 
-    def _summarise(self, folder: Path, name: str = SUMMARY, drawn: bool = False) -> None:
+    def _tell(self, results: Results, folder: Path) -> None:
+        """Write the summary; say of measured samples what it warns of."""
+        from lapwing.report.measured import warnings
+
+        self.notes += [f"{self.deck.title}: {text.replace('**', '')}"
+                       for text in warnings(results.transmission_error.attrs)]
+        self._summarise(results, folder)
+
+    def _summarise(self, results: Results, folder: Path, name: str = SUMMARY,
+                   drawn: bool = False) -> None:
         """Write the summary; it names the figures asked for, or of these the ones drawn."""
         from lapwing.plots import names_of
         from lapwing.report.summary import summary_text
-        from lapwing.results import read_results
 
-        with read_results(folder / RESULT_FILE, check=False) as results:
-            figures = [one for one in names_of(results, self.words)
-                       if not drawn or (folder / one).exists()]
-            (folder / name).write_text(summary_text(results, figures), encoding="utf-8")
+        figures = [one for one in names_of(results, self.words)
+                   if not drawn or (folder / one).exists()]
+        (folder / name).write_text(summary_text(results, figures), encoding="utf-8")
 
-    def _forget_lost_figures(self, folder: Path) -> None:
+    def _forget_lost_figures(self, results: Results, folder: Path) -> None:
         """Name no figure in the summary that is not there; on a full disk it stays as it is."""
         part = folder / f"{SUMMARY}.part"
         with contextlib.suppress(KeyboardInterrupt), held():
             try:
-                self._summarise(folder, part.name, drawn=True)
+                self._summarise(results, folder, part.name, drawn=True)
                 part.replace(folder / SUMMARY)
             except OSError:
                 part.unlink(missing_ok=True)
 
-    def _warn(self, attrs: dict[str, Any]) -> None:
-        """Say of measured samples what the summary warns of."""
-        from lapwing.report.measured import warnings
-        self.notes += [f"{self.deck.title}: {text.replace('**', '')}" for text in warnings(attrs)]
+    def _drawn(self, drawing: Drawing | None) -> tuple[dict[str, str], bool]:
+        """Wait for the figures; those not drawn, and whether disk or memory is why."""
+        from lapwing.plots import FigureError
 
-    def _draw(self, folder: Path, pool: DrawingPool) -> tuple[dict[str, str], bool]:
-        """Figures, from the file alone; those not drawn, and whether disk or memory is why."""
-        from lapwing.plots import FigureError, draw_all
-        from lapwing.results import read_results
-
-        if not self.words:
+        if drawing is None:
             return {}, False
-        done = self.report("figures", 100, "%")
-        with read_results(folder / RESULT_FILE, check=False) as results:
-            try:
-                draw_all(results, folder, words=self.words, progress=done, pool=pool)
-            except FigureError as error:
-                if error.of_surroundings and self.there.complete:  # which lack nothing: they stay
-                    probe(folder)
-                    raise OSError(errno.EIO, str(error), str(folder)) from error
-                return error.failures, error.of_surroundings
+        try:
+            drawing.finish(self.report("figures", 100, "%"))
+        except FigureError as error:
+            if error.of_surroundings and self.there.complete:  # which lack nothing: they stay
+                probe(drawing.folder)
+                raise OSError(errno.EIO, str(error), str(drawing.folder)) from error
+            return error.failures, error.of_surroundings
         return {}, False
 
 

@@ -122,6 +122,8 @@ def test_a_script_needs_no_guard(file, tmp_path):
 DRAWS = """
 import sys
 from lapwing import plots
+from lapwing.plots import pool as pools
+pools._may_fork = lambda: {forks}
 from lapwing.base import signals
 from lapwing.plots.pool import DrawingPool
 from lapwing.results import read_results
@@ -137,10 +139,10 @@ with signals.listen():
 """
 
 
-@pytest.fixture
-def drawing(file, tmp_path):
+@pytest.fixture(params=[True, False], ids=["forked", "a_python_of_its_own"])
+def drawing(request, file, tmp_path):
     """A process that draws for ever, in a group of its own, and the processes that help it."""
-    code = DRAWS.format(file=str(file), folder=str(tmp_path))
+    code = DRAWS.format(file=str(file), folder=str(tmp_path), forks=request.param)
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE,
                                stderr=subprocess.STDOUT, text=True, start_new_session=True)
     try:

@@ -80,8 +80,11 @@ def main() -> None:
 
 
 def _carry_out(send: Callable[..., None]) -> None:
+    from lapwing import executors
     from lapwing.base.threads import take_share
     from lapwing.commands.decks import run_of
+
+    executors.hide_dask()
 
     os.environ["MPLBACKEND"] = "agg"
     orders: queue.SimpleQueue[Any] = queue.SimpleQueue()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from importlib import import_module
 from inspect import signature
@@ -147,25 +147,53 @@ def draw_all(results: Any, folder: Any, *, formats: tuple[str, ...] = FORMATS,
     FigureError
         where some figures could not be drawn; the others are there.
     """
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    tasks = [task._replace(formats=formats if words is None else formats_of(task, results, words))
-             for task in tasks_of(results)]
-    tasks = [task for task in tasks if task.formats]
-    outcomes: dict[Task, Problem | None] = {}
-    for task, problem in (pool.draw(results.path, tasks, folder) if pool else
-                          ((task, attempt(results, task, folder)) for task in tasks)):
-        outcomes[task] = problem
-        if progress is not None:
-            progress(len(outcomes) / len(tasks))
-    written = [folder / f"{task.stem}.{suffix}" for task in tasks if outcomes[task] is None
-               for suffix in task.formats]
-    problems = {task.stem: problem for task in tasks
-                if (problem := outcomes[task]) is not None}
-    if problems:
-        raise FigureError(written, {stem: problem.what for stem, problem in problems.items()},
-                          any(problem.of_surroundings for problem in problems.values()))
-    return written
+    return Drawing(results, folder, formats=formats, pool=pool, words=words).finish(progress)
+
+
+class Drawing:
+    """Figures of a result file that are begun: what draws them works while the caller does more.
+
+    Parameters
+    ----------
+    results, folder, formats, pool, words : as `draw_all`
+
+    Attributes
+    ----------
+    folder : Path, where they go
+    """
+
+    def __init__(self, results: Any, folder: Any, *, formats: tuple[str, ...] = FORMATS,
+                 pool: DrawingPool | None = None, words: Iterable[str] | None = None) -> None:
+        self._results, self.folder, self._pool = results, Path(folder), pool
+        self.folder.mkdir(parents=True, exist_ok=True)
+        tasks = [task._replace(formats=formats if words is None else
+                               formats_of(task, results, words)) for task in tasks_of(results)]
+        self._tasks = [task for task in tasks if task.formats]
+        if pool:
+            pool.begin(results.path, self._tasks, self.folder)
+
+    def finish(self, progress: Callable[..., Any] | None = None) -> list[Path]:
+        """Draw what is left, and wait for the rest; returns and raises as `draw_all`."""
+        outcomes: dict[Task, Problem | None] = {}
+        for task, problem in self._outcomes():
+            outcomes[task] = problem
+            if progress is not None:
+                progress(len(outcomes) / len(self._tasks))
+        written = [self.folder / f"{task.stem}.{suffix}" for task in self._tasks
+                   if outcomes[task] is None for suffix in task.formats]
+        problems = {task.stem: problem for task in self._tasks
+                    if (problem := outcomes[task]) is not None}
+        if problems:
+            raise FigureError(written, {stem: one.what for stem, one in problems.items()},
+                              any(one.of_surroundings for one in problems.values()))
+        return written
+
+    def _outcomes(self) -> Iterator[tuple[Task, Problem | None]]:
+        if self._pool:
+            yield from self._pool.finish(self._results.path, self.folder)
+        else:
+            for task in self._tasks:
+                yield task, attempt(self._results, task, self.folder)
 
 
 def attempt(results: Any, task: Task, folder: Path) -> Problem | None:

@@ -39,13 +39,17 @@ def checksums(path: str | Path) -> dict[str, str]:
     """
     import netCDF4
 
-    found = {}
     with small_cache(), netCDF4.Dataset(path) as file:
-        file.set_auto_maskandscale(False)
-        for group in (file, *file.groups.values()):
-            for name, variable in group.variables.items():
-                found[f"{group.path.rstrip('/')}/{name}"] = _of_array(variable[...])
-            found[group.path] = _of_attributes(group)
+        return _of_file(file)
+
+
+def _of_file(file: Any) -> dict[str, str]:
+    found = {}
+    file.set_auto_maskandscale(False)
+    for group in (file, *file.groups.values()):
+        for name, variable in group.variables.items():
+            found[f"{group.path.rstrip('/')}/{name}"] = _of_array(variable[...])
+        found[group.path] = _of_attributes(group)
     return found
 
 
@@ -69,8 +73,8 @@ def store_checksums(path: str | Path) -> dict[str, str]:
     """Write the checksums of a finished file into it; returns them."""
     import netCDF4
 
-    found = checksums(path)
-    with netCDF4.Dataset(path, "a") as file:
+    with small_cache(), netCDF4.Dataset(path, "a") as file:
+        found = _of_file(file)
         file.setncattr(CHECKSUMS, json.dumps(found, sort_keys=True))
     return found
 

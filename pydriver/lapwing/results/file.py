@@ -12,7 +12,7 @@ import re
 from collections.abc import Hashable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -104,12 +104,16 @@ def write_results(path: Path, *, deck_name: str, deck_text: str, used_text: str,
 
 
 def _write_groups(path: Path, groups: dict[str | None, xr.Dataset]) -> None:
-    mode: Literal["w", "a"] = "w"
-    for name, dataset in groups.items():
-        dataset = with_plain_text(described(dataset))
-        dataset.to_netcdf(path, mode=mode, group=name, engine="netcdf4", format="NETCDF4",
-                          encoding=_encoding(dataset))
-        mode = "a"
+    import netCDF4
+    from xarray import backends
+
+    make_store: Any = backends.NetCDF4DataStore
+    # The file is opened once: each opening reads all that is in it already.
+    with netCDF4.Dataset(path, "w", format="NETCDF4") as file:
+        for name, dataset in groups.items():
+            dataset = with_plain_text(described(dataset))
+            store = make_store(file if name is None else file.createGroup(name))
+            dataset.dump_to_store(store, encoding=_encoding(dataset))
 
 
 def _encoding(dataset: xr.Dataset) -> dict[Hashable, dict[str, Any]]:
@@ -194,6 +198,7 @@ class Results(Shown):
     studies: dict[str, tuple[str, ...]]
     verified: bool = False
     _open: dict[str, xr.Dataset] = field(default_factory=dict, repr=False)
+    _file: Any = field(default=None, repr=False)
 
     def _facts(self) -> dict[str, object]:
         """Where they are and what is in them, in words."""
@@ -266,13 +271,17 @@ class Results(Shown):
         return self.study("critical", name)
 
     def _group(self, group: str) -> xr.Dataset:
+        import netCDF4
         import xarray as xr
+        from xarray import backends
 
+        make_store: Any = backends.NetCDF4DataStore
         if group not in self._open:
             give_accessor()
             with small_cache():
-                opened = xr.open_dataset(self.path, group=group, engine="netcdf4",
-                                         decode_times=False)
+                if self._file is None:  # opened once for all groups
+                    self._file = backends.CachingFileManager(netCDF4.Dataset, self.path, mode="r")
+                opened = xr.open_dataset(make_store(self._file, group=group), decode_times=False)
             self._open[group] = as_of_today(opened, int(self.attrs.get("schema_version", 0)))
         return self._open[group]
 
@@ -280,6 +289,7 @@ class Results(Shown):
         """Close every group that was read."""
         while self._open:
             self._open.popitem()[1].close()
+        self._file = None
 
     def __enter__(self) -> Results:
         return self

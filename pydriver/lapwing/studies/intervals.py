@@ -123,8 +123,6 @@ def mean_interval(values: np.ndarray, confidence: float = CONFIDENCE) -> MeanInt
     -------
     MeanInterval
     """
-    from scipy.stats import t
-
     values = np.asarray(values, dtype=float)
     mean = float(np.mean(values)) if values.size else math.nan
     unknown = MeanInterval(mean, math.nan, math.nan, 0)
@@ -134,6 +132,8 @@ def mean_interval(values: np.ndarray, confidence: float = CONFIDENCE) -> MeanInt
     least = BATCH_TIMES * time
     if least > len(values) / FEWEST_BATCHES:
         return unknown
+    from scipy.special import stdtrit  # scipy.stats takes long to load
+
     batches = min(MOST_BATCHES, int(len(values) // math.ceil(least)))
     while batches >= FEWEST_BATCHES:
         length = len(values) // batches
@@ -143,7 +143,7 @@ def mean_interval(values: np.ndarray, confidence: float = CONFIDENCE) -> MeanInt
             if len(values) < SHORT_TIMES * time:
                 longer = time * (1 + ONE_SIDED * math.sqrt(TIME_SCATTER * time / len(values)))
                 variance = max(variance, values.var() * longer / len(values))
-            half = t.ppf(0.5 + 0.5 * confidence, batches - 1) * math.sqrt(variance)
+            half = stdtrit(batches - 1, 0.5 + 0.5 * confidence) * math.sqrt(variance)
             effective = values.var() / variance if variance > 0 else math.nan
             return MeanInterval(mean, float(half), float(effective), batches)
         batches //= 2
@@ -207,8 +207,8 @@ def rate_limit(events: np.ndarray, exposure: np.ndarray,
     -------
     array, events per unit of exposure
     """
-    from scipy.stats import chi2
+    from scipy.special import gammaincinv  # scipy.stats takes long to load
 
     with np.errstate(divide="ignore"):
-        limit: NDArray[Any] = 0.5 * chi2.ppf(confidence, 2 * np.asarray(events) + 2) / exposure
+        limit: NDArray[Any] = gammaincinv(np.asarray(events) + 1, confidence) / exposure
     return limit

@@ -24,15 +24,14 @@ Table = tuple[NDArray[Any], NDArray[Any], NDArray[Any]]
 def hermite_table(phase: ArrayLike, value: ArrayLike, slope_left: ArrayLike,
                   slope_right: ArrayLike | None = None) -> Table:
     """Table of cubic Hermite pieces; arguments and errors as `TransmissionError.from_hermite`."""
-    from scipy.interpolate import CubicHermiteSpline
-
     slope_right = slope_left if slope_right is None else slope_right
     at, values, left, right = _rows(
         ("phase", "value", "slope_left", "slope_right"), phase, value, slope_left, slope_right)
     width = np.diff(at, append=at[0] + 1)
-    unit = CubicHermiteSpline([0, 1], np.stack([values, np.roll(values, -1)]),
-                              np.stack([right * width, np.roll(left, -1) * width]))
-    coefficients = unit.c[::-1, 0].T / width[:, None] ** np.arange(4)
+    begin, end, rise = right * width, np.roll(left, -1) * width, np.roll(values, -1) - values
+    excess = begin + end - 2 * rise
+    unit = np.stack([values, begin, rise - begin - excess, excess])
+    coefficients = unit.T / width[:, None] ** np.arange(4)
     return _close(at, coefficients, left != right)
 
 
