@@ -75,7 +75,7 @@ def test_grazing_meets_a_fold():
     middle = math.pi**2 / 2
     exact = middle + math.sqrt(1 - saddle_node(eps)**2)
     found = branch(find_orbit(gap(1.1 * exact), ball_start(gamma, eps)), "backlash",
-                   low=0.6 * exact, high=1.2 * exact)
+                   low=0.7 * exact, high=1.9 * exact)
     graze = next(one for one in found.of_kind(Kind.GRAZING)
                  if one.value == pytest.approx(exact, rel=1e-9))
     along = curve(found, graze, gap, low=0.5, high=0.72, value=eps)

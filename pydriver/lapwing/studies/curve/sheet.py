@@ -22,11 +22,11 @@ DONE, CLOSE, SOLVED = 1e-14, 1e-8, 1e-11
 # the speed of Newton's method and on nothing that is located.
 DIFFERENCE = 1e-6
 # Directions longer than this are of nearly singular equations.
-REGULAR = 1e3
+REGULAR = 10.0
 # The condition is differenced along a direction of at most this length times the step.
 MOST_DIFFERENCED = 30.0
 # After a correction smaller than this the derivatives are those of the place before.
-NEAR = 1e-3
+NEAR = 1e-4
 MOST_KEPT = 4
 
 Value = Callable[[Problem, Layout, NDArray[Any]], float]
@@ -202,6 +202,22 @@ class Spot:
     gradient: float
     error: NDArray[Any]
     count: int
+
+
+def onto(sheet: Sheet, layout: Layout, y: NDArray[Any], spot: Spot) -> NDArray[Any]:
+    """Newton's method onto the sheet from near a place of a curve.
+
+    Raises
+    ------
+    NotCorrected
+    """
+    known = None
+    for _ in range(MOST_CORRECTIONS):
+        known = chart(sheet, layout, y, spot.along, spot.tangent, known)
+        y = y + known.off
+        if float(np.max(np.abs(known.off))) < CLOSE:
+            return y
+    raise NotCorrected("not on the sheet")
 
 
 def corrected(sheet: Sheet, layout: Layout, y: NDArray[Any], value: Value, row: NDArray[Any],

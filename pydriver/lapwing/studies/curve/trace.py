@@ -25,7 +25,7 @@ from lapwing.studies.branch.motion.witness import (
 )
 from lapwing.studies.branch.special import Kind, Outcome
 from lapwing.studies.curve.condition import MET, SMOOTH, Condition, OfEvent, smooth_values
-from lapwing.studies.curve.sheet import Sheet, Spot, corrected
+from lapwing.studies.curve.sheet import Sheet, Spot, corrected, onto
 
 # How far from the curve the engine is asked, on the side of the motions whose events are listed.
 ASIDE = (1e-5, 1e-4, 1e-6)
@@ -106,14 +106,13 @@ class Tracer:
             if agrees(layout, z, found):
                 return found
             raise NotCorrected("the engine sees another motion")
-        row = problem.weights(layout) * spot.along[:-1]
         for length in ASIDE:
             beside = spot.y + condition.side * length * spot.aside
-            problem = self.sheet.problem(beside)
             try:
-                beside[:-1] = branch_curve.corrected(problem, layout, beside[:-1], row)[0]
+                beside = onto(self.sheet, layout, beside, spot)
             except NotCorrected:
                 continue
+            problem = self.sheet.problem(beside)
             found = seen(problem, layout, beside[:-1], self.distance)
             if agrees(layout, beside[:-1], found):
                 return found
