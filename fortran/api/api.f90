@@ -10,6 +10,7 @@ module api
   implicit none
   private
   public :: sizes, trajectory, sweep, destinations, evaluate_table, find_period, code_values
+  public :: event_equations, bordered_solution, round_trip, chatter_bounces
 
 contains
 
@@ -136,4 +137,74 @@ contains
     call go_on_with_destinations(flank, reals, choices, limits, goals, box, cells, starts, &
         seconds, suspended, ends)
   end subroutine destinations
+  !> Equations of a periodic motion between its events, their derivatives; branch/equations.f90.
+  subroutine event_equations(knots, g, edges, q, first, terms, reals, choices, layout, jumps, z, &
+      residual, one, two)
+    use lapwing_api_branches, only: motion_equations
+    real(c_double), contiguous, intent(in) :: knots(:)            !! phases; one: a series
+    real(c_double), contiguous, intent(in) :: g(:, :, :)          !! (6, powers, pieces) of g, g'
+    real(c_double), contiguous, intent(in) :: edges(:)            !! phases of the response's steps
+    real(c_double), contiguous, intent(in) :: q(:, :, :)          !! (2, powers, steps) response
+    real(c_double), contiguous, intent(in) :: first(:)            !! first step of each piece, or
+                                                                  !! one number
+    real(c_double), contiguous, intent(in) :: terms(:, :)         !! (5, terms) of a series: order,
+                                                                  !! g, response; real, imaginary
+    real(c_double), contiguous, intent(in) :: reals(:)            !! period, force, restitution,
+                                                                  !! gap, damping ratio, scale
+    integer(c_int), contiguous, intent(in) :: choices(:)          !! back flank moves, `absolute`,
+                                                                  !! impacts at all, mesh cycles
+    integer(c_int), contiguous, intent(in) :: layout(:, :)        !! (4, n) kind, flank, piece, arc
+    real(c_double), contiguous, intent(in) :: jumps(:)            !! (n) slope jumps at kinks
+    real(c_double), contiguous, intent(in) :: z(:)                !! (2 n + 1) unknowns
+    real(c_double), contiguous, intent(inout) :: residual(:, :)   !! (2, n)
+    real(c_double), contiguous, intent(inout) :: one(:, :, :)     !! (2, 2, n) by the event before
+    real(c_double), contiguous, intent(inout) :: two(:, :, :)     !! (2, 2, n) by the event
+    !f2py threadsafe
+    call motion_equations(knots, g, edges, q, first, terms, reals, choices, layout, jumps, z, &
+        residual, one, two)
+  end subroutine event_equations
+
+  !> Solution of such equations with a column and a row more; branch/bordered.f90.
+  subroutine bordered_solution(one, two, column, row, right, work, solution)
+    use lapwing_api_branches, only: solve_bordered
+    real(c_double), contiguous, intent(in) :: one(:, :, :)        !! (2, 2, n) by the event before
+    real(c_double), contiguous, intent(in) :: two(:, :, :)        !! (2, 2, n) by the event
+    real(c_double), contiguous, intent(in) :: column(:)           !! (2 n)
+    real(c_double), contiguous, intent(in) :: row(:)              !! (2 n + 1)
+    real(c_double), contiguous, intent(in) :: right(:)            !! (2 n + 1)
+    real(c_double), contiguous, intent(inout) :: work(:, :, :)    !! (2, 8, n)
+    real(c_double), contiguous, intent(inout) :: solution(:)      !! (2 n + 1)
+    !f2py threadsafe
+    call solve_bordered(one, two, column, row, right, work, solution)
+  end subroutine bordered_solution
+
+  !> Trace, determinant and rank of the map of a deviation once round.
+  subroutine round_trip(one, two, found)
+    use lapwing_api_branches, only: trace_and_det
+    real(c_double), contiguous, intent(in) :: one(:, :, :)        !! (2, 2, n) by the event before
+    real(c_double), contiguous, intent(in) :: two(:, :, :)        !! (2, 2, n) by the event
+    real(c_double), intent(out) :: found(3)                       !! the three
+    !f2py threadsafe
+    call trace_and_det(one, two, found)
+  end subroutine round_trip
+
+  !> Bounces that die out, listed; branch/chatter.f90.
+  subroutine chatter_bounces(knots, g, terms, reals, choices, flank, piece, at, phases, speeds, &
+      count)
+    use lapwing_api_branches, only: bounces_between
+    real(c_double), contiguous, intent(in) :: knots(:)            !! as of `event_equations`
+    real(c_double), contiguous, intent(in) :: g(:, :, :)          !! as of `event_equations`
+    real(c_double), contiguous, intent(in) :: terms(:, :)         !! as of `event_equations`
+    real(c_double), contiguous, intent(in) :: reals(:)            !! as of `event_equations`
+    integer(c_int), contiguous, intent(in) :: choices(:)          !! as of `event_equations`
+    integer(c_int), intent(in) :: flank                           !! 1 or 2
+    integer(c_int), intent(in) :: piece                           !! of the bounce before
+    real(c_double), intent(in) :: at(2)                           !! its phase, speed off the flank
+    real(c_double), contiguous, intent(inout) :: phases(:)        !! room for them, mesh periods
+    real(c_double), contiguous, intent(inout) :: speeds(:)        !! the same, into the flank
+    integer(c_int), intent(out) :: count                          !! how many
+    !f2py threadsafe
+    call bounces_between(knots, g, terms, reals, choices, flank, piece, at, phases, speeds, count)
+  end subroutine chatter_bounces
+
 end module api

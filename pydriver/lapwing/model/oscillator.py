@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
 from functools import cache, cached_property
@@ -299,7 +300,12 @@ class Oscillator:
     @arguments.complete()
     def with_force(self, force: float) -> Oscillator:
         """The same oscillator under another mean force F (rad); ParameterError as `Oscillator`."""
-        return replace(self, force=force)
+        # No other parameter is checked against the force: one that is a number needs no more.
+        if type(force) is not float or not abs(force) <= MOST:
+            return replace(self, force=force)
+        made = copy(self)
+        object.__setattr__(made, "force", force)
+        return made
 
 
 @cache

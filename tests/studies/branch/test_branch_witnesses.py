@@ -16,6 +16,7 @@ from helpers import COSINE, PAIR, SHIPPED, ball, ball_start, oscillator, scene_a
 from lapwing import TransmissionError, find_orbit, simulate
 from lapwing.studies.branch import Kind, branch
 from lapwing.studies.branch.motion.layout import Happening
+from lapwing.studies.branch.motion.witness import in_full
 
 FORCE, SIZE, DAMPING = 1.0, 0.3, 0.05
 
@@ -170,7 +171,7 @@ def test_a_motion_of_a_thousand_impacts():
                    high=gamma + 1e-4)
     assert [end.kind for end in found.specials] == [Kind.LIMIT, Kind.LIMIT]
     point, = found.at(gamma)
-    layout, events = point.place.layout, found.follower.problem.at(point.place.z)[0]
+    layout, events = in_full(found.follower.problem, point.place.layout, point.place.z)
     assert np.sum(layout.kind == Happening.REBOUND) > 1000
     begin = int(np.flatnonzero(layout.kind == Happening.RELEASE)[0])
     order = (begin + np.arange(layout.n)) % layout.n

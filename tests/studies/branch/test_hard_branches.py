@@ -134,4 +134,7 @@ def test_a_release_at_the_end_of_a_chatter():
     ends = [one for one in found.specials if one.kind is Kind.CHATTER]
     assert ends
     end = ends[-1]
-    assert -math.cos(2 * math.pi * end.phase) * end.value == pytest.approx(1, abs=1e-4)
+    # From beyond, grazes pile up there, each 0.3 times nearer than the one before: their limit.
+    assert abs(end.value - 1.9469384825) < end.error < 1e-4
+    # How long the rest is goes with the root of how far the value is off.
+    assert -math.cos(2 * math.pi * end.phase) * end.value == pytest.approx(1, abs=1e-3)

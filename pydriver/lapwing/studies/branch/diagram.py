@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from lapwing.base import quantities
 from lapwing.base.codes import FoundFrom, FoundMotion
 from lapwing.studies.branch.motion.layout import Happening
+from lapwing.studies.branch.motion.witness import in_full
 from lapwing.studies.branch.ranges import StableRange, stable_ranges
 from lapwing.studies.branch.rattling import Rattling, rattling
 from lapwing.studies.critical.force import critical_full, critical_on
@@ -91,10 +92,10 @@ def _points(branches: Sequence[Branch]) -> dict[str, Any]:
     points = [(k, one) for k, branch in enumerate(branches, 1) for one in branch.points]
     strobes = [one for branch in branches for one in branch.strobed]
     multipliers = np.array([one.multipliers for _, one in points]).reshape(-1, 2)
-    layouts = [one.place.layout for _, one in points]
+    full = [in_full(branches[number - 1].follower.problem, one.place.layout, one.place.z)
+            for number, one in points]
+    layouts = [one for one, _ in full]
     events = [one.n for one in layouts]
-    speeds = [np.empty(0), *(one.follower.problem.at(point.place.z)[0].speed for one in branches
-                             for point in one.points)]
     return {
         "value": ("point", _real(one.value for _, one in points)),
         "branch": ("point", _whole(number for number, _ in points)),
@@ -110,8 +111,9 @@ def _points(branches: Sequence[Branch]) -> dict[str, Any]:
         "phi_dot": ("strobe", np.concatenate([np.empty(0), *(one[1] for one in strobes)])),
         "event_point": ("event", _repeated(events)),
         "event_phase": ("event", np.concatenate(
-            [np.empty(0), *(one.place.z[:-1:2] for _, one in points)])),
-        "event_speed": ("event", np.concatenate(speeds)),
+            [np.empty(0), *(one.phase for _, one in full)])),
+        "event_speed": ("event", np.concatenate(
+            [np.empty(0), *(one.speed for _, one in full)])),
         "event_happening": ("event", np.concatenate(
             [np.empty(0), *(one.kind for one in layouts)]).astype(np.int8)),
         "event_flank": ("event", np.concatenate(

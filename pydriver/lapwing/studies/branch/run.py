@@ -15,6 +15,7 @@ from lapwing.base import arguments
 from lapwing.base.codes import MotionState, Status
 from lapwing.engine import TrajectoryCall, Wanted
 from lapwing.model.oscillator import Oscillator
+from lapwing.studies.branch.motion.borders import fewer
 from lapwing.studies.branch.motion.curve import NotCorrected, Place, Problem, at_value, flipped
 from lapwing.studies.branch.motion.flank_motion import Motions
 from lapwing.studies.branch.motion.layout import of_log
@@ -242,7 +243,8 @@ def begun(problem: Problem, orbit: Orbit, value: float) -> tuple[Any, NDArray[An
     if not layout.n:
         raise NoOrbit("a motion without events exists at every value and has no branch to follow")
     try:
-        return layout, at_value(problem, layout, problem.packed(phase, speed, value))
+        layout, z = fewer(problem, layout, problem.packed(phase, speed, value))
+        return layout, at_value(problem, layout, z)
     except NotCorrected as error:
         raise NoOrbit(f"no periodic motion with the events of this one: {error}", value) from error
 

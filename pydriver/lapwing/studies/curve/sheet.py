@@ -105,7 +105,7 @@ def chart(sheet: Sheet, layout: Layout, y: NDArray[Any], near: NDArray[Any],
     weights = sheet.weights(layout)
     pivots = weights * near, weights * (near + tangent)
     problem, z = sheet.problem(y), y[:-1]
-    found, one, two = problem.by_events(layout, z)
+    found, blocks = problem.by_events(layout, z)
     if not np.all(np.isfinite(found)):
         raise NotCorrected("not finite")
     by_value = known.by_value if known is not None else (
@@ -116,7 +116,7 @@ def chart(sheet: Sheet, layout: Layout, y: NDArray[Any], near: NDArray[Any],
     for moved in (0, 1):
         columns = np.append(np.arange(size), size + moved)
         try:
-            bordered = Bordered(one, two, by_value[moved], pivots[moved][columns])
+            bordered = Bordered(blocks, by_value[moved], pivots[moved][columns])
             parts = [bordered.solve(right) for right in (
                 np.append(-found, 0.0), last, np.append(-by_value[1 - moved], 0.0))]
         except NotCorrected:

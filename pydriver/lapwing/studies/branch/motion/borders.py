@@ -62,11 +62,20 @@ def slow(layout: Layout, z: NDArray[Any]) -> NDArray[Any]:
     return found
 
 
+def fewer(problem: Problem, layout: Layout, z: NDArray[Any]) -> tuple[Layout, NDArray[Any]]:
+    """A motion as the equations take it: its slow bounces are left to what follows on the last."""
+    last = layout.summed(z[1:-1:2], SLOW)
+    if not len(last):
+        return layout, z
+    osc = problem.oscillator(problem.value(z))
+    return layout.without(last, osc.contact_law == "rigid"), z[layout.columns_without(last)]
+
+
 def border_values(problem: Problem, layout: Layout, z: NDArray[Any],
                   borders: Borders) -> NDArray[Any]:
     """Positive where a condition holds, array (m,); smooth in z, also beyond zero."""
     events, osc, motion = problem.at(z)
-    known = at_events(layout, events, osc, motion)
+    known = at_events(layout, events, osc, motion, engaged=False)
     unit = problem.scale / osc.period
     k, which = borders.event, borders.condition
     goes_on = layout.kind[k] == Happening.GO_ON

@@ -10,10 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lapwing.engine.motions import (
+    Blocks,
+    bordered_solution,
+    event_equations,
+    numbers_of,
+    round_trip,
+)
 from lapwing.model.oscillator import Oscillator
-from lapwing.studies.branch.motion.equations import Events, blocks, residual
+from lapwing.studies.branch.motion.equations import Events
 from lapwing.studies.branch.motion.flank_motion import FlankMotion, Motions
-from lapwing.studies.branch.motion.layout import Layout
+from lapwing.studies.branch.motion.layout import Arc, Happening, Layout
 
 MOST_CORRECTIONS = 12
 # A correction this small is rounding; so is one that no longer shrinks, is smaller than `CLOSE`,
@@ -22,8 +29,6 @@ MOST_CORRECTIONS = 12
 DONE, CLOSE, SOLVED = 1e-14, 1e-8, 1e-11
 # What some roundings make of a number of size one.
 ROUNDING = 1e-15
-# Larger systems are solved as sparse ones; up to here LAPACK keeps to one thread, and is faster.
-MOST_DENSE = 180
 # Part of the parameter's scale over which the equations are differenced, in which most are linear:
 # error 1e-6 of the derivative of the others, which bears on the speed of Newton's method and on
 # nothing that is located: a fold is where the other columns alone are singular.
@@ -100,18 +105,18 @@ class Problem:
 
     def residual(self, layout: Layout, z: NDArray[Any]) -> NDArray[Any]:
         """By how much the equations are off, array (2n,)."""
-        events, osc, motion = self.at(z)
-        return residual(layout, events, osc, motion, self.scale)
+        return self.by_events(layout, z)[0]
 
-    def linear(self, layout: Layout, z: NDArray[Any]) -> tuple[Any, Any, Any, Any]:
-        """Residual, derivatives by the event before, by each event, and by the parameter."""
-        found, one, two = self.by_events(layout, z)
-        return found, one, two, self.by_value(layout, z, found)
-
-    def by_events(self, layout: Layout, z: NDArray[Any]) -> tuple[Any, Any, Any]:
-        """Residual, derivatives by the event before and by each event."""
-        events, osc, motion = self.at(z)
-        return blocks(layout, events, osc, motion, self.scale)
+    def by_events(self, layout: Layout, z: NDArray[Any]) -> tuple[NDArray[Any], Blocks]:
+        """By how much the equations are off, and their derivatives by the events."""
+        osc = self.oscillator(self.value(z))
+        motion = self.motions.of(osc)
+        jumps = np.zeros(layout.n)
+        if Arc.REST in layout.by_arc:
+            for k in np.flatnonzero(layout.kind == Happening.AT_KINK):
+                jumps[k] = motion.slope_jump(layout.piece[k])
+        return event_equations(motion.curve(Arc.CONTACT in layout.by_arc),
+                               numbers_of(osc, self.scale, layout.cycles), layout.table, jumps, z)
 
     def by_value(self, layout: Layout, z: NDArray[Any], here: NDArray[Any]) -> NDArray[Any]:
         """Derivative of the residual, which is `here` at z, by the scaled parameter."""
@@ -128,50 +133,35 @@ class Problem:
 
 
 class Bordered:
-    """The matrix of the equations with one more row, factorised."""
+    """The matrix of the equations with a column and a row more."""
 
-    def __init__(self, one: NDArray[Any], two: NDArray[Any], by_value: NDArray[Any],
-                 row: NDArray[Any]) -> None:
-        n = len(one)
-        at, before = np.arange(n), np.roll(np.arange(n), 1)
-        size = 2 * n + 1
-        where_row = (2 * at[:, None, None] + np.arange(2)[:, None]) + np.zeros((1, 1, 2), dtype=int)
-        rows = np.concatenate([where_row.ravel()] * 2)
-        columns = np.concatenate([
-            (2 * k[:, None, None] + np.zeros((2, 1), dtype=int) + np.arange(2)).ravel()
-            for k in (at, before)])
-        values = np.concatenate([two.ravel(), one.ravel()])
-        if size <= MOST_DENSE:
-            from scipy.linalg.lapack import dgetrf, dgetrs
+    def __init__(self, blocks: Blocks, by_value: NDArray[Any], row: NDArray[Any]) -> None:
+        self._all = blocks, by_value, row
 
-            matrix = np.zeros((size, size))
-            np.add.at(matrix, (rows, columns), values)
-            matrix[:-1, -1], matrix[-1] = by_value, row
-            # A singular matrix is seen in `solve`; `scipy.linalg.lu_factor` would warn of it, too.
-            factors, pivots, _ = dgetrf(matrix)
-            self._solve: Any = lambda right, transposed: dgetrs(
-                factors, pivots, right, trans=int(transposed))[0]
-        else:
-            from scipy.sparse import coo_matrix, vstack
-            from scipy.sparse.linalg import splu
-
-            last = np.full(2 * n, 2 * n)
-            top = coo_matrix((np.append(values, by_value), (
-                np.append(rows, np.arange(2 * n)), np.append(columns, last))),
-                shape=(2 * n, size))
-            try:
-                factors = splu(vstack([top, row[None]]).tocsc())
-            except RuntimeError as error:
-                raise NotCorrected(str(error)) from None
-            self._solve = lambda right, transposed: factors.solve(right, "NT"[transposed])
-
-    def solve(self, right: NDArray[Any], transposed: bool = False) -> NDArray[Any]:
-        """Solution, of the transposed matrix if asked for; NotCorrected where there is none."""
-        with np.errstate(all="ignore"):
-            found: NDArray[Any] = self._solve(right, transposed)
+    def solve(self, right: NDArray[Any]) -> NDArray[Any]:
+        """Solution; NotCorrected where there is none."""
+        found = bordered_solution(*self._all, right)
         if not np.all(np.isfinite(found)):
             raise NotCorrected("singular equations")
         return found
+
+    def influence(self) -> NDArray[Any]:
+        """By how much each equation moves the parameter, array (2n,)."""
+        blocks, by_value, row = self._all
+        n = blocks.one.shape[2]
+        # The transposed equations are of the same kind, round the other way: event j is linked with
+        # the one after it.
+        back = slice(None, None, -1)
+        one = np.asfortranarray(np.roll(blocks.one, -1, axis=2).transpose(1, 0, 2)[:, :, back])
+        two = np.asfortranarray(blocks.two.transpose(1, 0, 2)[:, :, back])
+        turned = [part[:2 * n].reshape(n, 2)[back].ravel() for part in (row, by_value)]
+        right = np.zeros(2 * n + 1)
+        right[-1] = 1.0
+        found = bordered_solution(Blocks(one, two), np.ascontiguousarray(turned[0]),
+                                  np.append(turned[1], row[-1]), right)
+        if not np.all(np.isfinite(found)):
+            raise NotCorrected("singular equations")
+        return found[:-1]
 
 
 def corrected(problem: Problem, layout: Layout, z: NDArray[Any], row: NDArray[Any],
@@ -190,13 +180,13 @@ def corrected(problem: Problem, layout: Layout, z: NDArray[Any], row: NDArray[An
     best = z
     by_value = np.empty(0)
     for count in range(most):
-        found, one, two = problem.by_events(layout, z)
+        found, blocks = problem.by_events(layout, z)
         # Near the curve it no longer changes.
         if before > 1e-3:
             by_value = problem.by_value(layout, z, found)
         if not np.all(np.isfinite(found)):
             raise NotCorrected("not finite")
-        step = Bordered(one, two, by_value, row).solve(np.append(-found, 0.0))
+        step = Bordered(blocks, by_value, row).solve(np.append(-found, 0.0))
         if not row[:-1].any():
             step[-1] = 0.0  # A value held: rounding must not lead out of what is allowed.
         size = float(np.max(np.abs(step)))
@@ -219,14 +209,11 @@ def rounding(problem: Problem, layout: Layout, z: NDArray[Any], row: NDArray[Any
     Each equation is taken to be off by as much as the worst of them, or by the roundings of a
     phase: what a further correction finds of that is more or less by chance.
     """
-    found, one, two = problem.by_events(layout, z)
+    found, blocks = problem.by_events(layout, z)
     by_value = problem.by_value(layout, z, found)
-    bordered = Bordered(one, two, by_value, problem.weights(layout) * row)
+    bordered = Bordered(blocks, by_value, problem.weights(layout) * row)
     size = max(float(np.max(np.abs(found))), ROUNDING * float(np.max(np.abs(z))))
-    last = np.zeros(2 * layout.n + 1)
-    last[-1] = 1.0
-    influence = bordered.solve(last, transposed=True)[:-1]
-    return size * float(np.linalg.norm(influence)) + ROUNDING * abs(float(z[-1]))
+    return size * float(np.linalg.norm(bordered.influence())) + ROUNDING * abs(float(z[-1]))
 
 
 def spread(tried: list[tuple[float, float, Place]], s: float, left: float,
@@ -252,10 +239,10 @@ def spread(tried: list[tuple[float, float, Place]], s: float, left: float,
 def tangent_at(problem: Problem, layout: Layout, z: NDArray[Any],
                along: NDArray[Any]) -> NDArray[Any]:
     """Unit tangent whose product with `along` is positive."""
-    _, one, two, by_value = problem.linear(layout, z)
+    found, blocks = problem.by_events(layout, z)
     weights = problem.weights(layout)
-    bordered = Bordered(one, two, by_value, weights * along)
-    tangent = bordered.solve(np.append(np.zeros(2 * layout.n), 1.0))
+    tangent = Bordered(blocks, problem.by_value(layout, z, found), weights * along).solve(
+        np.append(np.zeros(2 * layout.n), 1.0))
     return tangent / math.sqrt(float(weights @ tangent**2))
 
 
@@ -272,43 +259,22 @@ def monodromy(problem: Problem, layout: Layout, z: NDArray[Any]) -> tuple[float,
     A deviation of phase and speed of an event is one of the state by a change of variables, so that
     the multipliers are those of the map from cycle to cycle.
     """
-    _, one, two = problem.by_events(layout, z)
-    (a, b, c, d), log_det, sign, rank, exponent = (1.0, 0.0, 0.0, 1.0), 0.0, 1.0, 2, 0
-    # Numbers, not arrays: of two by two they are ten times as fast.
-    for ((p, q), (r, s)), ((e, f), (g, h)) in zip(one.tolist(), two.tolist(), strict=True):
-        det, upper = e * h - f * g, p * s - q * r
-        if det == 0:
-            return math.nan, math.nan, rank
-        p, q, r, s = ((f * r - h * p) / det, (f * s - h * q) / det,
-                      (g * p - e * r) / det, (g * q - e * s) / det)
-        a, b, c, d = p * a + q * c, p * b + q * d, r * a + s * c, r * b + s * d
-        size = max(abs(a), abs(b), abs(c), abs(d))
-        if size == 0:
-            return 0.0, 0.0, 0
-        shift = math.frexp(size)[1]
-        a, b, c, d = (math.ldexp(x, -shift) for x in (a, b, c, d))
-        exponent += shift
-        if upper == 0:
-            rank = 1
-        else:
-            log_det += math.log(abs(upper / det))
-            sign *= math.copysign(1.0, upper / det)
-    trace = (a + d) * 2.0**exponent
-    return trace, sign * math.exp(log_det) if rank == 2 else 0.0, rank
+    return round_trip(problem.by_events(layout, z)[1])
 
 
 def flipped(problem: Problem, place: Place) -> NDArray[Any]:
     """The deviation that changes its sign once round, where a multiplier is -1: array (2n,)."""
-    _, one, two = problem.by_events(place.layout, place.z)
-    one[0] *= -1
+    _, blocks = problem.by_events(place.layout, place.z)
+    blocks.one[:, :, 0] *= -1
     # Any border makes the matrix regular; what it solves for turns into the direction that is lost.
-    row = np.full(2 * len(one) + 1, 0.3) + 0.1 * np.cos(np.arange(2 * len(one) + 1))
-    column = row[:-1]
+    size = 2 * place.layout.n + 1
+    row = np.full(size, 0.3) + 0.1 * np.cos(np.arange(size))
+    column = row[:-1].copy()
     found = np.empty(0)
     for _ in range(3):
         right = np.zeros(len(row))
         right[-1] = 1.0
-        found = Bordered(one, two, column, row).solve(right)
+        found = Bordered(blocks, column, row).solve(right)
         row = found / np.max(np.abs(found))
     flip: NDArray[Any] = found[:-1] / np.max(np.abs(found[:-1]))
     return flip

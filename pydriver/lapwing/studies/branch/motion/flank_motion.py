@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lapwing.engine.flanks import series_is_taken
+from lapwing.engine.motions import Curve
 from lapwing.model.linear_response import engaged_response, flank_harmonics
 from lapwing.model.oscillator import Oscillator
 
 ORDERS = 6
 MOST_KEPT = 8
-_FACTORIAL = np.array([math.factorial(k) for k in range(ORDERS)], dtype=float)
 
 
 class FlankMotion:
@@ -40,6 +40,34 @@ class FlankMotion:
         else:
             self._coefficients = _derived(osc.flank_scale * osc.te.coefficients, self.period)
         self._response: Any = None
+        self._curves: dict[bool, Curve] = {}
+
+    def curve(self, response: bool) -> Curve:
+        """As the engine takes it, with the engaged response or without."""
+        if response not in self._curves:
+            self._curves[response] = self._series_curve() if self.is_series else \
+                self._table_curve(response)
+        return self._curves[response]
+
+    def _series_curve(self) -> Curve:
+        response = self._kept_response()
+        parts = [self._rate / self.osc.mesh_frequency_ratio]
+        for one in (self._amplitude, response):
+            parts += [one.real, one.imag]
+        none = np.zeros(1)
+        return Curve(none, np.zeros((6, 1, 1), order="F"), none, np.zeros((2, 1, 1), order="F"),
+                     none, np.asfortranarray(parts))
+
+    def _table_curve(self, with_response: bool) -> Curve:
+        edges, q, first = np.zeros(1), np.zeros((2, 1, 1), order="F"), np.zeros(1)
+        if with_response:
+            edges, coefficients, steps = self._kept_response()
+            q = np.asfortranarray(coefficients.transpose(1, 0, 2))
+            first = first if steps is None else np.asarray(steps, dtype=float)
+        return Curve(np.ascontiguousarray(self.osc.te.knots, dtype=float),
+                     np.asfortranarray(self._coefficients.transpose(1, 0, 2)),
+                     np.ascontiguousarray(edges, dtype=float), q, first,
+                     np.zeros((5, 1), order="F"))
 
     @property
     def pieces(self) -> int:
@@ -89,36 +117,14 @@ class FlankMotion:
             found += own[k]
         return found
 
-    def bend(self, phase: NDArray[Any], known: NDArray[Any], s: NDArray[Any]) -> NDArray[Any]:
-        """(g(t + s) - g(t) - g'(t) s)/s on one piece, without cancellation.
-
-        Parameters
-        ----------
-        phase : array (n,), at t
-        known : array (6, n), `derivatives` at t
-        s : array (n,), τ, not 0
-        """
-        if not self.is_series:
-            value = np.zeros(len(s))
-            for k in range(ORDERS - 1, 1, -1):
-                value = (value + known[k] / _FACTORIAL[k]) * s
-            return value
-        start = np.exp(np.multiply.outer(np.mod(phase, 1.0), self._turn)) * self._amplitude
-        x = np.multiply.outer(s, self._rate)
-        # e^ix - 1 - ix: real part -2 sin²(x/2), imaginary part sin x - x.
-        rest = -2 * np.sin(0.5 * x) ** 2 + 1j * _sine_less_angle(x)
-        found: NDArray[Any] = np.sum((start * rest).real, axis=-1) / s
-        return found
-
     def response(self, phase: NDArray[Any], piece: NDArray[Any]) -> NDArray[Any]:
         """q and q' at phases: array (2, n)."""
-        if self._response is None:
-            self._response = self._made_response()
+        response = self._kept_response()
         if self.is_series:
-            turned = np.exp(np.multiply.outer(np.mod(phase, 1.0), self._turn)) * self._response
+            turned = np.exp(np.multiply.outer(np.mod(phase, 1.0), self._turn)) * response
             return np.array([turned.real.sum(axis=-1),
                              (turned * (1j * self._rate)).real.sum(axis=-1)])
-        edges, coefficients, first = self._response
+        edges, coefficients, first = response
         if first is None:
             x = np.mod(phase, 1.0)
             begin, last = 0, len(edges) - 2
@@ -135,6 +141,11 @@ class FlankMotion:
             found += own[k]
         found[1] /= width * self.period
         return found
+
+    def _kept_response(self) -> Any:
+        if self._response is None:
+            self._response = self._made_response()
+        return self._response
 
     def _made_response(self) -> Any:
         osc = self.osc
@@ -165,15 +176,6 @@ def _derived(coefficients: NDArray[Any], unit: float, orders: int = ORDERS) -> N
             factor = math.factorial(k) / math.factorial(k - order) / unit**order
             found[k - order, order] = coefficients[:, k] * factor
     return found
-
-
-def _sine_less_angle(x: NDArray[Any]) -> NDArray[Any]:
-    """sin x - x, also for small x."""
-    square, term, total = x * x, x, np.zeros_like(x)
-    for k in range(1, 9):
-        term = -term * square / (2 * k * (2 * k + 1))
-        total = total + term
-    return np.where(np.abs(x) < 1, total, np.sin(x) - x)
 
 
 class Motions:

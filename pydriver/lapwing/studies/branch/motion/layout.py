@@ -50,6 +50,11 @@ class Layout:
         return len(self.kind)
 
     @cached_property
+    def table(self) -> NDArray[Any]:
+        """Kind, flank, piece and arc as the engine takes them: int array (4, n)."""
+        return np.asfortranarray([self.kind, self.flank, self.piece, self.arc], dtype=np.intc)
+
+    @cached_property
     def before(self) -> NDArray[Any]:
         """Number of the event before each."""
         return np.roll(np.arange(self.n), 1)
@@ -113,6 +118,19 @@ class Layout:
         """Some events taken out."""
         kept = np.setdiff1d(np.arange(self.n), events)
         return of_parts(self.kind[kept], self.flank[kept], self.piece[kept], self.cycles, rigid)
+
+    def summed(self, speed: NDArray[Any], slow: float) -> NDArray[Any]:
+        """Numbers of the last bounces of chatters that are slower; the first of each is none.
+
+        What follows on a bounce until it has died out is one arc, however many are listed.
+        """
+        found: list[int] = []
+        for end in np.flatnonzero(self.kind == Happening.CHATTER_END):
+            k = int(self.before[end])
+            while self.bounces[k] and self.bounces[self.before[k]] and abs(speed[k]) < slow:
+                found.append(k)
+                k = int(self.before[k])
+        return np.array(sorted(found), dtype=int)
 
     @cached_property
     def bounces(self) -> NDArray[Any]:

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from lapwing.base.codes import EventKind, MotionState, Status
 from lapwing.engine import Numerics, TrajectoryCall, Wanted
+from lapwing.engine.motions import chatter_bounces, numbers_of
 from lapwing.model.linear_steps import unit_motions
 from lapwing.model.start import put_on_flank, start_problem
 from lapwing.studies.branch.motion.curve import Problem
-from lapwing.studies.branch.motion.equations import at_events
-from lapwing.studies.branch.motion.layout import Arc, Happening, Layout, of_log
+from lapwing.studies.branch.motion.equations import Events, at_events
+from lapwing.studies.branch.motion.layout import Arc, Happening, Layout, of_log, of_parts
 
 NUMERICS = Numerics(rtol=1e-13, chatter_tol=1e-13, copy_repeats=False)
 # By how much phases may differ: the motion is known far better, grazes magnify what is left of it.
@@ -55,49 +56,84 @@ class Seen:
     turns: list[tuple[float, int]]
 
 
+def in_full(problem: Problem, layout: Layout, z: NDArray[Any]) -> tuple[Layout, Events]:
+    """A motion with every bounce until the sum of a chatter's last ones."""
+    events, osc, motion = problem.at(z)
+    if not layout.chatters:
+        return layout, events
+    after = at_events(layout, events, osc, motion).after
+    curve, numbers = motion.curve(False), numbers_of(osc, problem.scale, layout.cycles)
+    columns = [layout.kind, layout.flank, layout.piece, events.phase, events.speed]
+    for end in np.flatnonzero(layout.kind == Happening.CHATTER_END)[::-1]:
+        k = int(layout.before[end])
+        phase, speed = chatter_bounces(curve, numbers, int(layout.flank[k]), int(layout.piece[k]),
+                                       float(events.phase[k]), -float(after[k]))
+        rows = [np.full(len(phase), Happening.REBOUND), np.full(len(phase), layout.flank[k]),
+                motion.piece(phase), phase, speed]
+        # What leads to the first event lies behind the last one.
+        where = int(end) or layout.n
+        columns = [np.insert(one, where, new) for one, new in zip(columns, rows, strict=True)]
+    kind, flank, piece, phases, speeds = columns
+    return (of_parts(kind, flank, piece, layout.cycles, osc.contact_law == "rigid"),
+            Events(phases, speeds))
+
+
 def states_at(problem: Problem, layout: Layout, z: NDArray[Any],
               phases: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Motion state, φ and φ' at phases (mesh periods, 0 to cycles) of a motion; arrays.
-
-    In a chatter's summed rest the tooth is taken to be on its flank.
-    """
-    events, osc, motion = problem.at(z)
-    known = at_events(layout, events, osc, motion)
-    phases = np.asarray(phases, dtype=float)
-    turn = np.floor((phases - events.phase[0]) / layout.cycles)
-    inside = phases - turn * layout.cycles
-    j = np.searchsorted(events.phase, inside, side="right") % layout.n
-    i = (j - 1) % layout.n
-    s = np.mod(inside - events.phase[i], layout.cycles) * osc.period
-    piece = motion.piece(phases)
-    g = motion.derivatives(phases, piece)
-    after, sign = known.after[i], known.sign[i]
-    rate = known.h[1, i] + sign * after
-    theta = known.h[0, i] + rate * s + 0.5 * osc.force * s * s
-    rate = rate + osc.force * s
-    state = np.zeros(len(phases), dtype=int)
-    arc = layout.arc[j]
-    touching = arc != Arc.FLIGHT
-    if touching.any():
-        standing = (layout.flank[i] == 2) & (not osc.back_flank_te)
-        h = np.where(layout.flank[i] == 2, -osc.gap_width, 0.0) + np.where(standing, 0.0, g[0])
-        h_dot = np.where(standing, 0.0, g[1])
-        theta, rate = np.where(touching, h, theta), np.where(touching, h_dot, rate)
-        pressed = arc == Arc.CONTACT
-        if pressed.any():
-            q = np.where(standing, 0.0, motion.response(phases, piece))
-            start = np.array([-sign * (osc.force + known.response[0, i]),
-                              after - sign * known.response[1, i]])
-            moved = np.einsum("xyn,yn->xn", unit_motions(osc.damping_ratio, s), start)
-            theta = np.where(pressed, h + osc.force + q[0] + sign * moved[0], theta)
-            rate = np.where(pressed, h_dot + q[1] + sign * moved[1], rate)
-        state = np.where(pressed | (arc == Arc.REST), layout.flank[i], 0)
-    return state, theta - g[0], rate - g[1]
+    """Motion state, φ and φ' at phases (mesh periods, 0 to cycles) of a motion; arrays."""
+    return Course(problem, layout, z).at(np.asarray(phases, dtype=float))
 
 
-def section_of(layout: Layout, z: NDArray[Any]) -> float:
+class Course:
+    """A motion between its events."""
+
+    def __init__(self, problem: Problem, layout: Layout, z: NDArray[Any]) -> None:
+        _, self.osc, self.motion = problem.at(z)
+        self.layout, self.events = in_full(problem, layout, z)
+        self.known = at_events(self.layout, self.events, self.osc, self.motion)
+
+    def at(self, phases: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """As `states_at`.
+
+        In what is left of a chatter when its bounces can no longer be told apart the tooth is taken
+        to be on its flank.
+        """
+        osc, motion, known, layout = self.osc, self.motion, self.known, self.layout
+        begin = self.events.phase
+        turn = np.floor((phases - begin[0]) / layout.cycles)
+        inside = phases - turn * layout.cycles
+        j = np.searchsorted(begin, inside, side="right") % layout.n
+        i = (j - 1) % layout.n
+        s = np.mod(inside - begin[i], layout.cycles) * osc.period
+        piece = motion.piece(phases)
+        g = motion.derivatives(phases, piece)
+        after, sign = known.after[i], known.sign[i]
+        rate = known.h[1, i] + sign * after
+        theta = known.h[0, i] + rate * s + 0.5 * osc.force * s * s
+        rate = rate + osc.force * s
+        state = np.zeros(len(phases), dtype=int)
+        arc = layout.arc[j]
+        touching = arc != Arc.FLIGHT
+        if touching.any():
+            standing = (layout.flank[i] == 2) & (not osc.back_flank_te)
+            h = np.where(layout.flank[i] == 2, -osc.gap_width, 0.0) + np.where(standing, 0.0, g[0])
+            h_dot = np.where(standing, 0.0, g[1])
+            theta, rate = np.where(touching, h, theta), np.where(touching, h_dot, rate)
+            pressed = arc == Arc.CONTACT
+            if pressed.any():
+                q = np.where(standing, 0.0, motion.response(phases, piece))
+                start = np.array([-sign * (osc.force + known.response[0, i]),
+                                  after - sign * known.response[1, i]])
+                moved = np.einsum("xyn,yn->xn", unit_motions(osc.damping_ratio, s), start)
+                theta = np.where(pressed, h + osc.force + q[0] + sign * moved[0], theta)
+                rate = np.where(pressed, h_dot + q[1] + sign * moved[1], rate)
+            state = np.where(pressed | (arc == Arc.REST), layout.flank[i], 0)
+        return state, theta - g[0], rate - g[1]
+
+
+def section_of(phases: NDArray[Any]) -> float:
     """A mesh phase far from all events: the middle of the widest gap between them."""
-    phase = np.sort(np.mod(z[:-1:2], 1.0))
+    phase = np.sort(np.mod(phases, 1.0))
     gaps = np.diff(np.append(phase, phase[0] + 1.0))
     # No run can begin in a chatter's summed rest.
     widest = int(np.argmax(gaps))
@@ -110,13 +146,12 @@ def seen(problem: Problem, layout: Layout, z: NDArray[Any], distance: float) -> 
     So it does not matter how much an unstable motion makes of a rounding in the long run.
     """
     osc = problem.oscillator(problem.value(z))
-    motion = problem.motions.of(osc)
-    section = section_of(layout, z)
+    course = Course(problem, layout, z)
+    section = section_of(course.events.phase)
     phases = section + np.arange(layout.cycles)
     wanted = Wanted(events=True, grazes=True, graze_distance=distance)
     lines, failed = [], Seen(None, np.empty(0), np.empty(0), [])
-    for cycle, state, phi, phi_dot in zip(phases, *states_at(problem, layout, z, phases),
-                                          strict=True):
+    for cycle, state, phi, phi_dot in zip(phases, *course.at(phases), strict=True):
         name = MotionState(int(state)).name.lower()
         if start_problem(osc, name, float(phi), section):
             return failed
@@ -132,7 +167,7 @@ def seen(problem: Problem, layout: Layout, z: NDArray[Any], distance: float) -> 
     grazes = log[log["kind"] >= EventKind.NEAR_GRAZE]
     turns = [(float(one["cycle"] + one["t"] / osc.period),
               1 + int(one["kind"] - EventKind.NEAR_GRAZE)) for one in grazes]
-    found, phase, speed = of_log(log, osc, motion, layout.cycles)
+    found, phase, speed = of_log(log, osc, course.motion, layout.cycles)
     return Seen(found, phase, speed, turns)
 
 
@@ -217,9 +252,9 @@ def distance_at_turn(problem: Problem, layout: Layout, z: NDArray[Any],
     contact = layout.arc[turn.arc] == Arc.CONTACT
     begin = z[2 * ((turn.arc - 1) % layout.n)]
     length = layout.cycles - np.mod(begin - z[2 * turn.arc], layout.cycles)
-    last = np.inf
+    last, course = np.inf, Course(problem, layout, z)
     for _ in range(50):
-        _, phi, rate = (float(one[0]) for one in states_at(problem, layout, z, np.array([phase])))
+        _, phi, rate = (float(one[0]) for one in course.at(np.array([phase])))
         g = motion.derivatives(np.array([phase]), motion.piece(np.array([phase])))[:, 0]
         if not moves:
             phi, rate, g = phi + g[0], rate + g[1], np.zeros(6)

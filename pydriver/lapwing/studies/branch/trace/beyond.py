@@ -13,15 +13,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lapwing.studies.branch.motion.borders import Condition
+from lapwing.studies.branch.motion.borders import Condition, fewer
 from lapwing.studies.branch.motion.curve import (
     NotCorrected,
     Place,
+    Problem,
     at_value,
     corrected,
 )
 from lapwing.studies.branch.motion.layout import Arc, Happening, Layout, of_parts
-from lapwing.studies.branch.motion.witness import Turn, agrees, distance_at_turn, seen, states_at
+from lapwing.studies.branch.motion.witness import (
+    Seen,
+    Turn,
+    agrees,
+    distance_at_turn,
+    seen,
+    states_at,
+)
 from lapwing.studies.branch.special import Kind, Outcome, Special
 from lapwing.studies.branch.trace.follower import Crossing, Follower
 
@@ -29,6 +37,8 @@ from lapwing.studies.branch.trace.follower import Crossing, Follower
 TOGETHER, NO_SPEED = 1e-6, 1e-6
 # Parts of the range at which the engine is asked what lies beyond.
 ASKED = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
+# What lies beyond a place from which no step was found is seen so many times nearer than it may be.
+STUCK = 4
 # Impacts born one after the other within this part of the range are the onset of a chatter.
 PILED_UP = 1e-10
 
@@ -226,13 +236,21 @@ def _chatter_born(follower: Follower, place: Place) -> Place | None:
 def _stuck(follower: Follower, why: str, place: Place) -> tuple[Special, Place | None]:
     """No step further was found: what lies beyond is asked, and differs by name."""
     after, point = _asked(follower, place), follower.point(place)
-    kind, words, error = Kind.UNRESOLVED, why, math.nan
+    kind, words, error, flank, phase = Kind.UNRESOLVED, why, math.nan, 0, math.nan
     if after is not None:
         one, two = place.layout, after.layout
-        error = abs(after.z[-1] - place.z[-1]) * follower.problem.unit
+        error = STUCK * abs(after.z[-1] - place.z[-1]) * follower.problem.unit
         if one.chatters != two.chatters:
             kind, words = Kind.CHATTER, "bounces no longer die out" if one.chatters else \
                 "a complete chatter is born"
+            if one.chatters:
+                end = int(np.flatnonzero(one.kind == Happening.CHATTER_END)[-1])
+                flank, phase = int(one.flank[end]), float(np.mod(place.z[2 * end], 1.0))
+        elif one.chatters:
+            # How many of its bounces are listed says nothing.
+            releases = [np.sum(layout.kind == Happening.RELEASE) for layout in (one, two)]
+            if releases[0] != releases[1]:
+                kind, words = Kind.RELEASE, "a release is born or lost"
         elif np.sum(one.arrivals) != np.sum(two.arrivals):
             kind = Kind.GRAZING
             words = f"{np.sum(one.arrivals)} arrivals become {np.sum(two.arrivals)}"
@@ -240,7 +258,7 @@ def _stuck(follower: Follower, why: str, place: Place) -> tuple[Special, Place |
             kind, words = Kind.RELEASE, "a release is born or lost"
     outcome = Outcome.ENDS if after is None else Outcome.PERSISTS \
         if after.tangent[-1] * place.tangent[-1] > 0 else Outcome.TURNS_BACK
-    return Special(kind, outcome, point.value, error, words, 0, math.nan, place,
+    return Special(kind, outcome, point.value, error, words, flank, phase, place,
                    point.multipliers), after
 
 
@@ -277,19 +295,31 @@ def _asked(follower: Follower, place: Place) -> Place | None:
                 found = seen(problem, place.layout, z, follower.distance)
                 if found.layout is None or found.layout.same(place.layout) or not found.layout.n:
                     continue
-                there = problem.packed(found.phase, found.speed, problem.value(z))
-                there = at_value(problem, found.layout, there)
-                again = seen(problem, found.layout, there, follower.distance)
-                if not agrees(found.layout, there, again):
+                layout, there = fewer(problem, found.layout, problem.packed(
+                    found.phase, found.speed, problem.value(z)))
+                if layout.same(place.layout) or (
+                        way != ahead and _is_own(problem, place.layout, z, found)):
                     continue
-                if _apart(follower, place, found.layout, there) > 10 * math.sqrt(part):
+                there = at_value(problem, layout, there)
+                again = seen(problem, layout, there, follower.distance)
+                if not agrees(layout, there, again):
+                    continue
+                if _apart(follower, place, layout, there) > 10 * math.sqrt(part):
                     continue
                 along = np.zeros(len(there))
                 along[-1] = way
-                return follower.place(found.layout, there, along)
+                return follower.place(layout, there, along)
             except (NotCorrected, ValueError, OverflowError):
                 continue
     return None
+
+
+def _is_own(problem: Problem, layout: Layout, z: NDArray[Any], found: Seen) -> bool:
+    """Whether what is seen is the motion itself with other bounces listed, where it came from."""
+    try:
+        return agrees(layout, at_value(problem, layout, z), found)
+    except NotCorrected:
+        return False
 
 
 def _apart(follower: Follower, place: Place, layout: Layout, z: NDArray[Any]) -> float:

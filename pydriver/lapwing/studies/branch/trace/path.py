@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from lapwing.studies.branch.motion.borders import (
     Borders,
     borders_of,
+    fewer,
 )
 from lapwing.studies.branch.motion.curve import (
     NotCorrected,
@@ -191,17 +192,19 @@ def _taken(follower: Follower, place: Place, turns: list[Turn], borders: Borders
 
 
 def _renewed(follower: Follower, place: Place, found: Seen) -> Place:
-    """The same place with as many bounces of a chatter as the engine lists."""
-    layout = found.layout
-    if layout is None or layout.n == place.layout.n:
+    """The same place with as many bounces of a chatter as are fast there."""
+    if found.layout is None or not place.layout.chatters:
         return place
     try:
+        layout, z = fewer(follower.problem, found.layout, follower.problem.packed(
+            found.phase, found.speed, follower.problem.value(place.z)))
+        if layout.n == place.layout.n:
+            return place
         summed = unlisted(place.layout, layout)
         if len(summed) == place.layout.n - layout.n:
             return _without_bounces(follower, place, summed)
         if abs(place.tangent[-1]) < 0.3:
             return place
-        z = follower.problem.packed(found.phase, found.speed, follower.problem.value(place.z))
         z = at_value(follower.problem, layout, z)
         along = np.zeros(len(z))
         along[-1] = math.copysign(1.0, place.tangent[-1])
