@@ -91,7 +91,8 @@ contains
   subroutine sweep(flank, reals, choices, lines, starts, within, blobs, cycles, tangent, density, &
       log, outcome)
     use lapwing_api_marshal, only: go_on_with_sweep
-    real(c_double), contiguous, intent(in) :: flank(:, :)         !! transmission error
+    real(c_double), contiguous, intent(in) :: flank(:, :, :)      !! transmission errors, behind the
+                                                                  !! columns of each NaN
     real(c_double), contiguous, intent(in) :: reals(:, :)         !! (n_reals, points) real
                                                                   !! parameters
     integer(c_int), contiguous, intent(in) :: choices(:)          !! integer parameters

@@ -1,7 +1,7 @@
 !> Between the flat arrays of the API and the engine's types.
 module lapwing_api_marshal
   use, intrinsic :: iso_c_binding, only: c_double, c_int
-  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan, ieee_is_nan
   use lapwing_kinds, only: wp
   use lapwing_codes, only: all_codes, separation, status_unfinished, status_out_of_memory
   use lapwing_flow, only: flow_t, work_t
@@ -20,7 +20,7 @@ module lapwing_api_marshal
   use lapwing_run_checkpoint, only: blob_size, work_size, pack_blob, unpack_blob
   use lapwing_run_destination, only: known_t, follow_starts, goal_columns, end_columns, &
       suspended_size
-  use lapwing_run_sweep, only: sweep_t, line_t, sweep_lines, stage_done, &
+  use lapwing_run_sweep, only: sweep_t, line_t, curve_t, sweep_lines, stage_done, &
       outcome_columns
   use lapwing_observers_tangent, only: tangent_columns
   use lapwing_flank, only: locate_piece
@@ -31,8 +31,9 @@ module lapwing_api_marshal
   public :: go_on_with_sweep, go_on_with_destinations
 
   !> force, Omega, flank scale, peak-to-peak of g, xi, epsilon, theta0, rtol, chatter tolerance,
-  !> count depth, graze distance, slowest and fastest impact binned, mean acceleration
-  integer, parameter :: n_reals = 14
+  !> count depth, graze distance, slowest and fastest impact binned, mean acceleration, which of
+  !> the transmission errors (sweeps)
+  integer, parameter :: n_reals = 15
   !> contact law, impact law, gap, back_flank_te, largest numbers of events and of steps in a
   !> cycle; events, impacts, grazes, strobe, cycles wanted; settling cycles, recorded cycles;
   !> method; tangent maps wanted; whether repeated cycles are copied; degrees of freedom; depths of
@@ -42,14 +43,6 @@ module lapwing_api_marshal
   integer(c_int), parameter :: all_sizes(14) = [blob_size, work_size, log_columns, cycle_columns, &
       sample_columns, n_reals, n_choices, tangent_columns, outcome_columns, most_looked_for, &
       goal_columns, end_columns, suspended_size, average_columns]
-
-  !> The transmission error as the engine takes it; of a series the table is one empty piece.
-  type :: flank_data_t
-    real(wp), allocatable :: knots(:)             !! (n + 1) mesh phase
-    real(wp), allocatable :: coefficients(:, :)   !! (0:5, n) rad per period**k
-    logical, allocatable :: kinks(:)              !! (n) slope jump at knots(i)
-    real(wp), allocatable :: series(:, :)         !! (3, terms), order -1: none
-  end type flank_data_t
 
 contains
 
@@ -61,7 +54,7 @@ contains
     real(c_double), intent(in) :: t(:)                 !! times
     real(c_double), intent(out) :: g(:, :)             !! (3, n)
     type(te_table_t) :: table
-    type(flank_data_t) :: data
+    type(curve_t) :: data
     real(wp) :: local(0:max_degree)
     integer :: i, error
     g = ieee_value(g, ieee_quiet_nan)
@@ -78,7 +71,7 @@ contains
   !> The transmission error in the engine's own arrays.
   subroutine take_flank(flank, data, error)
     real(c_double), intent(in) :: flank(:, :)          !! (8, columns), see `api`
-    type(flank_data_t), intent(out) :: data            !! the same
+    type(curve_t), intent(out) :: data            !! the same
     integer, intent(out) :: error                      !! 0, or there is no memory for it
     integer :: pieces, terms
     logical :: is_series
@@ -125,6 +118,7 @@ contains
     p%backlash = reals(7)
     p%tolerance = reals(8)
     p%mean_acceleration = reals(14)
+    p%curve = nint(reals(15))
     p%degrees_of_freedom = choices(17)
     p%contact_law = choices(1)
     p%impact_law = choices(2)
@@ -180,7 +174,7 @@ contains
     real(c_double), intent(out) :: done(9)                          !! how far it came
     class(oscillator_t), allocatable, target :: system
     class(flow_t), allocatable, target :: flow
-    type(flank_data_t) :: data
+    type(curve_t) :: data
     type(numerics_t) :: numerics
     type(hybrid_state_t) :: state
     type(recorder_t) :: recorder
@@ -228,7 +222,7 @@ contains
   !> See `api`.
   subroutine go_on_with_sweep(flank, reals, choices, lines, starts, within, blobs, cycles, &
       tangent, density, log, outcome)
-    real(c_double), intent(in) :: flank(:, :)                       !! see `api`
+    real(c_double), intent(in) :: flank(:, :, :)                    !! see `api`
     real(c_double), intent(in) :: reals(:, :)                       !! (n_reals, n_points)
     integer(c_int), intent(in) :: choices(:)                        !! (n_choices)
     integer(c_int), intent(inout) :: lines(:, :)                    !! (5, n_lines)
@@ -242,11 +236,17 @@ contains
     real(c_double), intent(inout), target, contiguous :: outcome(:, :)     !! (columns, points)
     type(sweep_t) :: sweep
     type(line_t), allocatable :: line(:)
-    type(flank_data_t), target :: data
     integer :: i, error
     allocate (sweep%point(size(reals, 2)), stat=error)
     if (error == 0) allocate (line(size(lines, 2)), stat=error)
-    if (error == 0) call take_flank(flank, data, error)
+    if (error == 0) allocate (sweep%curve(size(flank, 3)), stat=error)
+    if (error == 0) then
+      do i = 1, size(flank, 3)
+        call take_flank(flank(:, :count(.not. ieee_is_nan(flank(1, :, i))), i), sweep%curve(i), &
+            error)
+        if (error /= 0) exit
+      end do
+    end if
     if (error /= 0) then
       where (outcome(1, :) == status_unfinished) outcome(1, :) = status_out_of_memory
       lines(5, :) = stage_done
@@ -256,10 +256,6 @@ contains
       sweep%point(i) = parameters_from(reals(:, i), choices)
     end do
     sweep%numerics = numerics_from(reals(:, 1), choices)
-    sweep%knots => data%knots
-    sweep%coefficients => data%coefficients
-    sweep%kinks => data%kinks
-    sweep%series => data%series
     sweep%recorder = recorder_from(reals(:, 1), choices)
     sweep%recorder%want_averages = choices(20) == 1
     sweep%settle = choices(12)
@@ -295,7 +291,7 @@ contains
     real(c_double), intent(inout) :: ends(:, :)                     !! (end_columns, n)
     class(oscillator_t), allocatable, target :: system
     class(flow_t), allocatable, target :: flow
-    type(flank_data_t) :: data
+    type(curve_t) :: data
     type(numerics_t) :: numerics
     type(known_t) :: known
     integer :: error

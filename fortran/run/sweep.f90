@@ -21,7 +21,7 @@ module lapwing_run_sweep
   use lapwing_run_checkpoint, only: pack_blob, unpack_blob, pack_work, work_size
   implicit none
   private
-  public :: sweep_t, line_t, sweep_lines, stage_done, outcome_columns
+  public :: sweep_t, line_t, curve_t, sweep_lines, stage_done, outcome_columns
 
   ! Stages of the point under way, and of a line that is done. The last settling cycle has its own.
   integer, parameter :: stage_start = 0, stage_settle = 1, stage_prepare = 2, stage_record = 3
@@ -31,13 +31,18 @@ module lapwing_run_sweep
   !> over a period (over all recorded cycles without one), counts of work.
   integer, parameter :: outcome_columns = 5 + class_columns + 1 + average_columns + work_size
 
+  !> A transmission error: a table, or a series, whose table is one empty piece.
+  type :: curve_t
+    real(wp), allocatable :: knots(:)             !! (n + 1) mesh phase
+    real(wp), allocatable :: coefficients(:, :)   !! (0:5, n) rad per period**k
+    logical, allocatable :: kinks(:)              !! (n) slope jump at knots(i)
+    real(wp), allocatable :: series(:, :)         !! (3, terms), order -1: none
+  end type curve_t
+
   !> What every point of a sweep has in common, and where results go.
   type :: sweep_t
     type(parameters_t), allocatable :: point(:)                    !! (n_points)
-    real(wp), pointer :: knots(:) => null()                        !! table, see `oscillator`
-    real(wp), pointer :: coefficients(:, :) => null()              !! table
-    logical, pointer :: kinks(:) => null()                         !! table
-    real(wp), pointer :: series(:, :) => null()                    !! or series
+    type(curve_t), allocatable :: curve(:)                         !! point%curve is one of them
     type(numerics_t) :: numerics                                   !! tolerances and bounds
     type(recorder_t) :: recorder                                   !! what is wanted of each point
     integer :: settle = 0                                          !! cycles before recording
@@ -167,8 +172,10 @@ contains
       deallocate (flow)
     end if
     made = point
-    call make_system(point, sweep%knots, sweep%coefficients, sweep%kinks, sweep%series, &
-        system, error)
+    associate (curve => sweep%curve(point%curve))
+      call make_system(point, curve%knots, curve%coefficients, curve%kinks, curve%series, &
+          system, error)
+    end associate
     if (error == 0) call make_flow(sweep%numerics%method, system, flow, error)
     if (error /= 0 .and. allocated(flow)) deallocate (flow)
   end subroutine make_point
@@ -192,7 +199,8 @@ contains
         .and. one%peak_to_peak == other%peak_to_peak &
         .and. one%damping_ratio == other%damping_ratio &
         .and. one%restitution == other%restitution &
-        .and. one%backlash == other%backlash .and. one%tolerance == other%tolerance
+        .and. one%backlash == other%backlash .and. one%tolerance == other%tolerance &
+        .and. one%curve == other%curve
   end function differ_in_force_only
 
   !> Where a point begins: the state the line carries, or rest.

@@ -16,6 +16,7 @@ module lapwing_system_parameters
     real(wp) :: backlash = 1              !! theta0, rad
     real(wp) :: tolerance = 1.0e-10_wp    !! relative; decides which curvature jumps are felt
     real(wp) :: mean_acceleration = 0     !! of the mean rotation, rad per tau**2
+    integer :: curve = 1                  !! which of the transmission errors, where there are some
     integer :: degrees_of_freedom = 1     !! 2: the mean rotation is a coordinate too
     integer :: contact_law = 1            !! law_*
     integer :: impact_law = 1             !! law_*

@@ -169,3 +169,43 @@ def test_the_transmission_error_is_varied_by_its_scale_or_its_amplitude(tmp_path
     path.write_text(text, encoding="utf-8")
     with pytest.raises(DeckError, match="gives harmonic_amplitude; vary that, or give parabola"):
         load_deck(path)
+
+
+def test_the_transmission_error_is_varied_by_an_element_and_by_files():
+    deck = load_deck(HERE / "accepted" / "curves.nml")
+    second, curves = deck.sweeps
+    assert second.parameter == "harmonic_amplitude_2" and second.values.tolist() == [0, 1e-5, 2e-5]
+    assert curves.parameter == "te" and curves.values.tolist() == ["as ground", "it's"]
+    assert curves.starts == ("rest",) and list(deck.curves_of(curves)) == ["as ground", "it's"]
+    assert second.starts == ("rest", "up", "down")
+    plane, series = deck.studies["map"]
+    assert plane.axes["te"].tolist() == ["te_25x32"]
+    assert deck.axes_of(plane, plane.axes)["te"]["te_25x32"].knots.size == 5
+    assert set(series.axes) == {"harmonic_amplitude_1", "harmonic_amplitude_3"}
+    assert deck.axes_of(series, series.axes) == series.axes
+
+
+def test_files_can_be_set_and_start_from_rest_by_themselves(tmp_path):
+    path = HERE / "accepted" / "curves.nml"
+    deck = load_deck(path, [("sweep.curves.labels", "'a', 'b c'"),
+                            ("sweep.second.parameter", "harmonic_amplitude(3)")])
+    assert deck.sweeps[1].values.tolist() == ["a", "b c"]
+    assert deck.sweeps[0].parameter == "harmonic_amplitude_3"
+    text = path.read_text(encoding="utf-8").replace(", starts = 'rest'", "").replace(
+        "'../", f"'{path.parent}/../")
+    (tmp_path / "deck.nml").write_text(text, encoding="utf-8")
+    assert load_deck(tmp_path / "deck.nml").sweeps[1].starts == ("rest",)
+
+
+def test_each_file_is_checked_where_the_coast_flank_stands(tmp_path):
+    """A tooth that would reach the standing flank: of that curve alone it is refused."""
+    text = (HERE / "accepted" / "curves.nml").read_text(encoding="utf-8").replace(
+        "'../", f"'{HERE / 'accepted'}/../") + "&scene back_flank_te = .false. /\n"
+    (tmp_path / "deep.csv").write_text(
+        "phase,transmission_error\n0,0\n0.25,2e-3\n0.5,0\n0.75,-2e-3\n", encoding="utf-8")
+    (tmp_path / "deck.nml").write_text(text, encoding="utf-8")
+    load_deck(tmp_path / "deck.nml")
+    with pytest.raises(DeckError, match="standing coast flank"):
+        load_deck(tmp_path / "deck.nml", [("sweep.curves.files", "deep.csv, deep.csv")])
+    with pytest.raises(DeckError, match="standing coast flank"):
+        load_deck(tmp_path / "deck.nml", [("sweep.second.to", "5e-3")])

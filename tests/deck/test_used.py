@@ -113,3 +113,24 @@ def test_changed_keys():
     old = load_deck(PLAIN)
     new = load_deck(PLAIN, [("operation.brake_torque", "2")])
     assert changed_keys(old, new) == ("operation.brake_torque: 1.8 -> 2.0",)
+
+
+def test_curves_enter_the_hash_by_their_numbers_and_labels(tmp_path):
+    """Where a file lies and how it is written does not; what it holds, its label and order do."""
+    text = (HERE / "accepted" / "curves.nml").read_text(encoding="utf-8").replace(
+        "'../", f"'{HERE / 'accepted'}/../")
+    table = "phase,transmission_error\n0,0\n0.3,2e-5\n0.6,1e-5\n"
+    for name, content in (("one.csv", table), ("same.csv", table.replace("2e-5", "20e-6")),
+                          ("other.csv", table.replace("2e-5", "3e-5"))):
+        (tmp_path / name).write_text(content, encoding="utf-8")
+    path = tmp_path / "deck.nml"
+    path.write_text(text, encoding="utf-8")
+
+    def hashed(files, labels):
+        return used_hash(load_deck(path, [("sweep.curves.files", files),
+                                          ("sweep.curves.labels", labels)]))
+    known = hashed("one.csv, other.csv", "a, b")
+    assert known == hashed("same.csv, other.csv", "a, b")
+    assert known != hashed("other.csv, other.csv", "a, b")
+    assert known != hashed("one.csv, other.csv", "a, c")
+    assert known != hashed("other.csv, one.csv", "b, a")

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import numpy as np
 
 from lapwing.base.messages import cut, nearest
-from lapwing.base.quantities import PARAMETERS
+from lapwing.base.quantities import CURVE, PARAMETERS, base_name
 
 if TYPE_CHECKING:
     from lapwing.base.codes import MotionState
@@ -183,7 +183,7 @@ def _complete(function: Callable[..., Any], who: str, old: Sequence[str],
         known = dict(zip(positional, args, strict=False)) | given
         what = known.get(varied, own[varied].default) if varied else ()
         names = (what,) if isinstance(what, str) else what if isinstance(what, Mapping) else ("",)
-        return names if PARAMETERS.keys() >= set(names) else wanted
+        return names if {*PARAMETERS, CURVE} >= set(map(base_name, names)) else wanted
 
     @wraps(function)
     def called(*args: Any, **given: Any) -> Any:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable, Collection
 from enum import IntEnum
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base.codes import (
     BranchEvent,
@@ -55,6 +58,8 @@ PARAMETERS = {
                           "factor of the transmission error"),
     "parabola_amplitude": Parameter("rad", "rad", "parabola amplitude",
                                     "amplitude of the parabola that the transmission error is"),
+    "harmonic_amplitude": Parameter("rad", "rad", "harmonic amplitude",
+                                    "amplitude of a term of the transmission error's series"),
     "pinion_base_lever": Parameter("m", "m", "pinion base lever",
                                    "lever of the normal mesh force about the pinion axis"),
     "mesh_stiffness": Parameter("N/m", "N/m", "mesh stiffness", "normal mesh stiffness"),
@@ -68,9 +73,53 @@ PARAMETERS = {
 }
 
 
+# What a study varies that is no number: the transmission error itself, of which there are some by
+# their labels.
+CURVE = "te"
+_TERM = re.compile(r"harmonic_amplitude_(\d{1,4})")
+
+
+def term(name: str) -> int | None:
+    """Which amplitude of a harmonic series a parameter is, counted from 1; None: none."""
+    found = _TERM.fullmatch(name)
+    return int(found[1]) if found else None
+
+
+def base_name(name: str) -> str:
+    """A parameter without the number of a term, as `PARAMETERS` has it."""
+    return name if term(name) is None else "harmonic_amplitude"
+
+
+def curve_clash(names: Collection[str], spelled: Callable[[str], str] = str) -> str:
+    """What is wrong where parameters of the transmission error are varied together."""
+    others = [name for name in names if base_name(name) in (
+        "harmonic_amplitude", "parabola_amplitude")]
+    if CURVE not in names or not others:
+        return ""
+    both = f"{spelled(CURVE)} and {spelled(others[0])}"
+    return f"{both}: each curve has its own, expected one of them"
+
+
+def are_labels(values: NDArray[Any]) -> bool:
+    """Whether values of a parameter are labels, which have no order, not numbers."""
+    return values.dtype.kind in "UOS"
+
+
+def value_words(value: Any) -> str:
+    """A value of a parameter, without its unit: a number, or a label."""
+    return f"'{value}'" if isinstance(value, str) else f"{value:g}"
+
+
 def parameter(name: str) -> Parameter:
     """`Parameter` of a name; of one unknown, a bare number."""
     words = name.replace("_", " ")
+    if name == CURVE:
+        return Parameter("", "", "transmission error", "transmission error, by its label")
+    if (number := term(name)) is not None:
+        one = PARAMETERS["harmonic_amplitude"]
+        return one._replace(words=f"harmonic amplitude {number}",
+                            long_name=f"amplitude of term {number} of the transmission error's "
+                                      "series")
     return PARAMETERS.get(name, Parameter("1", "", words, words))
 
 
@@ -315,6 +364,8 @@ def _attributes(key: str, units: str | None, long_name: str | None,
     bare = key if key in DESCRIPTIONS else key.removeprefix("cycle_")
     own = ("1" if units is None else units,
            key.replace("_", " ") if long_name is None else long_name)
+    if bare == CURVE or term(bare) is not None:
+        own = parameter(bare).units, parameter(bare).long_name
     units, long_name = DESCRIPTIONS.get(bare, own)
     attrs = {"long_name": long_name, **({"units": units} if units else {}), **_flags(bare, dtype)}
     for values in attrs.values():

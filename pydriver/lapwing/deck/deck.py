@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lapwing.base.messages import printable
+from lapwing.base.quantities import CURVE
 from lapwing.model.gear_pair import GearPair
 
 if TYPE_CHECKING:
@@ -74,6 +75,7 @@ class Deck:
     operation: dict[str, Any]
     numerics: dict[str, Any]
     studies: dict[str, tuple[Asked, ...]] = field(default_factory=dict)
+    _curves: dict[tuple[str, str], dict[str, TransmissionError]] = field(default_factory=dict)
 
     @property
     def responses(self) -> tuple[Asked, ...]:
@@ -110,6 +112,19 @@ class Deck:
     def curve(self) -> CurveFit | None:
         """The `CurveFit` of measured samples, or None where none is asked for."""
         return self.te_table.curve() if self.te_table.fit else None
+
+    def curves_of(self, study: Asked) -> dict[str, TransmissionError]:
+        """Those that a study varies, by their labels; none but along the axis `te`."""
+        key = study.kind, study.name
+        if key not in self._curves:
+            self._curves[key] = {label: table.build()
+                                 for label, table in study.resolved.get("tables", {}).items()}
+        return self._curves[key]
+
+    def axes_of(self, study: Asked, axes: dict[str, Any]) -> dict[str, Any]:
+        """Values of the parameters as studies take them: of labels the curves that they mean."""
+        return {name: {label: self.curves_of(study)[label] for label in map(str, values)}
+                if name == CURVE else values for name, values in axes.items()}
 
     def numerics_of(self, study: Asked) -> dict[str, Any]:
         """Keyword arguments rtol … max_steps_per_cycle that `simulate` and `sweep` share."""

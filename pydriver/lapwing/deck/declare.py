@@ -5,10 +5,12 @@ Validation, the template, the reference page and `used.nml` are all made from th
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from lapwing.base.quantities import CURVE, term
 from lapwing.base.registry import STUDIES
 
 if TYPE_CHECKING:
@@ -103,14 +105,48 @@ TORQUES = ("brake_torque", "drive_torque")
 SPEEDS = OperationKeys.exclusive[0]
 OPERATION = tuple(OperationKeys.model_fields)
 # What a parameter may be called besides.
-_OTHER_NAMES = {"transmission_error.scale": "te_scale"}
+_OTHER_NAMES = {"transmission_error.scale": "te_scale", "transmission_error.file": CURVE,
+                "file": CURVE}
+_ELEMENT = re.compile(r"harmonic_amplitude\s*\(\s*(\d+)\s*\)$")
 RANGES = ("from", "to", "count", "spacing")
+# Of curves in place of numbers.
+FILES = ("files", "labels")
+
+
+def files_key() -> Any:
+    """Files of an axis along the transmission error."""
+    return key(None, "in place of numbers, with parameter = 'transmission_error.file': files as of "
+               "&transmission_error, relative to the deck, each in place of its curve", "",
+               ["te_25x32.csv", "te_other.csv"], min_length=1, max_length=1000)
+
+
+def labels_key() -> Any:
+    """What results call the curves of such an axis."""
+    return key(None, "what results and figures call each of the files; left out: its name without "
+               "folder and ending", "", ["ground", "lapped"], min_length=1, max_length=1000)
 
 
 def parameter_name(text: str) -> str:
     """A parameter as a deck names it, in lower case, perhaps with its group before it."""
-    name = text.strip().lower()
+    name = _ELEMENT.sub(lambda found: f"harmonic_amplitude_{int(found[1])}", text.strip().lower())
     return _OTHER_NAMES.get(name, name)
+
+
+def parameter_text(name: str) -> str:
+    """A parameter's name as a deck writes it."""
+    if name == CURVE:
+        return "transmission_error.file"
+    group, dot, bare = name.rpartition(".")
+    number = term(bare)
+    return name if number is None else f"{group}{dot}harmonic_amplitude({number})"
+
+
+def without_files(values: dict[str, Any], asked: Asked) -> dict[str, Any]:
+    """Values used that decide results: of curves from files their labels and numbers."""
+    left = {name: value for name, value in values.items()
+            if name.rpartition("_")[2] not in FILES}
+    digests = {label: table.digest for label, table in asked.tables.items()}
+    return left | ({"curves": digests} if digests else {})
 
 
 class StudyKeys(Group):
@@ -151,7 +187,7 @@ class StudyKeys(Group):
 class AlongKeys(ValueKeys, StudyKeys):
     """The keys of a study along the values of one parameter."""
 
-    exclusive = (("values", "from"),)
+    exclusive: ClassVar[tuple[Any, ...]] = (("values", "from"),)
     chosen = ("from", "to", "count")
 
     def used(self, asked: Asked) -> dict[str, Any]:

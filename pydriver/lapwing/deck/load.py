@@ -168,7 +168,8 @@ class _GroupReader:
     ----------
     name : str
     place : Place
-    places : dict, key -> Place of its value (of each value in `item_places`)
+    places : dict, key -> Place of its value
+    item_places : dict, key -> Place of each of its values
     overridden : dict, key -> override text
     keys : model instance of the schema, or None where something is refused
     """
@@ -176,6 +177,7 @@ class _GroupReader:
     def __init__(self, group: Group, report: Report) -> None:
         self.name, self.place = group.name, group.place
         self.places: dict[str, Place] = {}
+        self.item_places: dict[str, list[Place]] = {}
         self.key_places: dict[str, Place] = {}
         self.overridden: dict[str, str] = {}
         self._report = report
@@ -210,6 +212,7 @@ class _GroupReader:
         if entry.override is not None:
             values = [_quoted(value, kind) for value in values]
         self.places[entry.key] = values[0].place
+        self.item_places[entry.key] = [value.place for value in values]
         self._values[entry.key] = values
         if kind.is_list:
             self._warn_of_commas(entry.key, values, kind)

@@ -19,7 +19,7 @@ def reference_page() -> str:
     """The whole page, Markdown."""
     page = Path(__file__).with_name("page.md").read_text(encoding="utf-8")
     tables = "\n".join(_section(name, group) for name, group in schema.GROUPS.items())
-    swept = ", ".join(f"`{name}`" for name in schema.numeric_parameters())
+    swept = ", ".join(f"`{name}`" for name in schema.parameter_words())
     return page.replace("<!-- tables -->\n", tables).replace("<!-- swept -->", swept)
 
 

@@ -11,7 +11,17 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from lapwing.base.registry import STUDIES as REGISTERED
-from lapwing.deck.declare import BIG, OPERATION, SPEEDS, Group, KeyType, OperationKeys, fields, key
+from lapwing.deck.declare import (
+    BIG,
+    OPERATION,
+    SPEEDS,
+    Group,
+    KeyType,
+    OperationKeys,
+    fields,
+    key,
+    parameter_text,
+)
 from lapwing.deck.keys.draw import DrawKeys
 
 
@@ -141,8 +151,15 @@ def numeric_parameters() -> dict[str, str]:
     """`group`, key of every real number that a sweep may vary."""
     found = {name: group for group in ("gear_pair", "operation")
              for name, field in fields(GROUPS[group]).items() if KeyType(field).kind is float}
-    return found | {"parabola_amplitude": "transmission_error"}
+    return found | dict.fromkeys(("parabola_amplitude", "harmonic_amplitude"),
+                                 "transmission_error")
+
+
+def parameter_words() -> dict[str, str]:
+    """The same as a deck writes them; of a list its first element."""
+    return {name if name != "harmonic_amplitude" else parameter_text(f"{name}_1"): group
+            for name, group in numeric_parameters().items()}
 
 
 __all__ = ["DRAW", "GROUPS", "OPERATION", "REPEATED", "REQUIRED", "SPEEDS", "STUDIES", "KeyType",
-           "fields", "numeric_parameters"]
+           "fields", "numeric_parameters", "parameter_words"]

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from lapwing.deck.declare import KeyType
 
 # Keys that name a file, relative to the deck.
-_FILES = (("transmission_error", "file"), ("ensemble", "table"))
+_FILES = (("transmission_error", "file"), ("ensemble", "table"), ("sweep", "files"),
+          ("map", "x_files"), ("map", "y_files"))
 _HASH = re.compile(r"^! hash ([0-9a-f]{64})$", re.MULTILINE)
 
 
@@ -142,14 +143,20 @@ def _line(deck: Deck, group: str, keys: Any, name: str, field: Any, value: Any,
         return [f"  ! {name}: left out, {left_out}"]
     kind = schema.KeyType(field)
     if (group, name) in _FILES:
-        path = Path(deck.path.parent, value).absolute()
-        value = os.path.relpath(path, Path(folder).absolute()) if folder else str(path)
+        value = _moved(deck, value, folder) if isinstance(value, str) else [
+            _moved(deck, one, folder) for one in value]
     if _overridden(deck, group, keys, name):
         mark = "  ! --set"
     else:
         inner = "from_" if name == "from" else name
         mark = "" if inner in keys.model_fields_set else "  ! default"
     return [f"  {name} = {spell(value, kind)}{mark}"]
+
+
+def _moved(deck: Deck, name: str, folder: Path | None) -> str:
+    """A file that a deck names, as a deck in another folder names it; None: by its whole path."""
+    path = Path(deck.path.parent, name).absolute()
+    return os.path.relpath(path, Path(folder).absolute()) if folder else str(path)
 
 
 def _overridden(deck: Deck, group: str, keys: Any, name: str) -> bool:

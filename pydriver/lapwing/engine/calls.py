@@ -61,7 +61,7 @@ def real_parameters(points: Any, numerics: Numerics, method: str, wanted: Wanted
     rows = (points.force, points.mesh_frequency_ratio, points.flank_scale,
             points.peak_to_peak, points.damping_ratio, points.restitution, points.backlash,
             numerics.rtol, chatter_tol, numerics.count_depth, wanted.graze_distance, slowest,
-            fastest, points.mean_acceleration)
+            fastest, points.mean_acceleration, points.curve + 1)
     reals = np.empty((len(rows), n), order="F")
     for row, values in zip(reals, rows, strict=True):
         row[:] = values

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
@@ -36,6 +37,18 @@ def flank_argument(te: TransmissionError, centred: bool,
     if (form, centred) not in made:
         made[form, centred] = _made_flank(te, centred, form)
     return made[form, centred]
+
+
+def flank_arguments(tes: Sequence[TransmissionError], centred: bool, method: str) -> NDArray[Any]:
+    """Several as api.f90 takes them, (8, columns, n), NaN behind the columns of each."""
+    flanks = [flank_argument(te, centred, method) for te in tes]
+    if len(flanks) == 1:
+        return flanks[0][:, :, None]
+    widest = max(flank.shape[1] for flank in flanks)
+    every = np.full((8, widest, len(flanks)), np.nan, order="F")
+    for i, flank in enumerate(flanks):
+        every[:, :flank.shape[1], i] = flank
+    return every
 
 
 def _made_flank(te: TransmissionError, centred: bool, form: str) -> NDArray[Any]:

@@ -55,17 +55,23 @@ def common_method(points: Any, numerics: Numerics) -> str:
     numerics : Numerics
     """
     points = points if isinstance(points, Points) else Points.of(points)
-    ratio, damping = points.mesh_frequency_ratio, points.damping_ratio
-    # Neither forces nor anything else but these matter here.
-    if np.all(ratio == ratio[0]) and np.all(damping == damping[0]):
-        ratio, damping = ratio[0], damping[0]
-    return "rk4" if np.any(_steps(points.shared, ratio, damping, numerics)) else "exact"
+    for osc, which in points.by_curve():
+        ratio, damping = points.mesh_frequency_ratio[which], points.damping_ratio[which]
+        # Neither forces nor anything else but these matter here.
+        if ratio.size and np.all(ratio == ratio[0]) and np.all(damping == damping[0]):
+            ratio, damping = ratio[0], damping[0]
+        if np.any(_steps(osc, ratio, damping, numerics)):
+            return "rk4"
+    return "exact"
 
 
 def steps(points: Points, numerics: Numerics) -> NDArray[np.bool_]:
     """Which of the points `method_of` moves by 'rk4', array (n,) of bool."""
-    return np.broadcast_to(_steps(points.shared, points.mesh_frequency_ratio,
-                                  points.damping_ratio, numerics), len(points))
+    found = np.zeros(len(points), dtype=bool)
+    for osc, which in points.by_curve():
+        found[which] = _steps(osc, points.mesh_frequency_ratio[which], points.damping_ratio[which],
+                              numerics)
+    return found
 
 
 def _steps(osc: Oscillator, ratio: Any, damping: Any, numerics: Numerics) -> Any:

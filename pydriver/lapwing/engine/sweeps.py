@@ -14,7 +14,7 @@ from lapwing.base import estimates
 from lapwing.base.codes import Status
 from lapwing.base.threads import usable_threads
 from lapwing.engine import blocks, calls
-from lapwing.engine.flanks import flank_argument
+from lapwing.engine.flanks import flank_arguments
 from lapwing.engine.methods import common_method
 from lapwing.engine.points import Points
 from lapwing.engine.records import (
@@ -108,11 +108,11 @@ def sweep(points: Any, lines: Any, starts: Any, *, numerics: Numerics, wanted: W
           settle: int, record: int, log_room: int, threads: int,
           progress: Callable[..., Any] | None = None, keep_interrupted: bool = False,
           keep_cycles: bool = True, log_table: np.dtype[Any] = EVENT_TABLE) -> SweepResult:
-    """Run many oscillators of one table in lines.
+    """Run many oscillators in lines.
 
     Parameters
     ----------
-    points : Points, or sequence of Oscillator, all with the same table and laws
+    points : Points, or sequence of Oscillator, all with the same laws
     lines : sequence of (first, last, carried), points from first to last inclusive, 0-based,
         either way; carried: each point begins where the one before ended
     starts : sequence of (motion state or REST, phi, phi', phase), one per line, for its first
@@ -141,7 +141,7 @@ def sweep(points: Any, lines: Any, starts: Any, *, numerics: Numerics, wanted: W
     points = points if isinstance(points, Points) else Points.of(points)
     n, shared = len(points), points.shared
     method = common_method(points, numerics)
-    flank = flank_argument(shared.te, shared.back_flank_te, method)
+    flank = flank_arguments(points.curves, shared.back_flank_te, method)
     reals = calls.real_parameters(points, numerics, method, wanted)
     choices = calls.choices(shared, numerics, method, wanted, settle, record)
     way = np.array(lines, dtype=np.intc).reshape(-1, 3)

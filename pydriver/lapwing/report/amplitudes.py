@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lapwing.base.quantities import value_words
 from lapwing.results.findings import START_NAMES
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ def greatest(sweep: xr.Dataset, name: str, factor: float, of: str, unit: str) ->
     start, at = np.unravel_index(np.nanargmax(values), values.shape)
     value = sweep[sweep["status"].dims[1]].values[at]
     begun = str(sweep["start"].values[start])
-    return (f"{factor * values[start, at]:.4g} {of} at {value:g} {unit}".rstrip()
+    return (f"{factor * values[start, at]:.4g} {of} at {value_words(value)} {unit}".rstrip()
             + f" ({START_NAMES.get(begun, begun)})")
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lapwing.base.codes import Status
+from lapwing.base.quantities import value_words
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -132,4 +133,4 @@ def _largest(sweep: xr.Dataset, chaotic: NDArray[Any], unit: str) -> str:
     cycle = np.where(chaotic, sweep["lyapunov_exponent_per_cycle"].values, -math.inf)
     start, at = np.unravel_index(np.argmax(cycle), cycle.shape)
     value = sweep[sweep["status"].dims[1]].values[at]
-    return f"{cycle[start, at]:.3g} per mesh cycle at {value:g} {unit}".rstrip()
+    return f"{cycle[start, at]:.3g} per mesh cycle at {value_words(value)} {unit}".rstrip()

@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 
 from lapwing.base.arrivals import arrivals_in, per_cycle
 from lapwing.base.codes import Status
+from lapwing.base.quantities import are_labels, value_words
 from lapwing.report.amplitudes import amplitude_lines
 from lapwing.report.hysteresis import hysteresis
 from lapwing.report.measured import torque_words
 from lapwing.report.stability import sweep_stability
 from lapwing.report.words import (
+    bands,
     markdown,
     method_words,
     parameter_unit,
@@ -71,9 +73,11 @@ def sweep_text(sweep: xr.Dataset) -> list[str]:
     values = sweep[sweep.attrs["parameter"]].values
     law = arrivals_in(sweep.attrs)
     back = (sweep["back_impacts"] + sweep["back_engages"] > 0).any("recorded_cycle").values
-    lines += [f"- last back {law.word} seen: " + _largest(sweep, values, back, unit),
-              "- last separation seen (anything but engagement of the drive flanks): "
-              + _largest(sweep, values, rattles(sweep), unit)]
+    last, told = ("last ", _largest) if not are_labels(values) else ("", _labelled)
+    lines += [f"- {last}back {law.word}{'s' * (not last)} seen: "
+              + told(sweep, values, back, unit),
+              f"- {last}separation seen (anything but engagement of the drive flanks): "
+              + told(sweep, values, rattles(sweep), unit)]
     lines += _full_engagement(sweep, unit)
     coexisting = hysteresis(sweep, unit)
     lines.append("- hysteresis: " + coexisting[0])
@@ -91,7 +95,8 @@ def _extent(sweep: xr.Dataset, unit: str) -> str:
     attrs, status = sweep.attrs, sweep["status"].values
     values = sweep[attrs["parameter"]].values
     _, unfinished, failed = endings(sweep)
-    ends = f"at {values[0]:g}" if values.size == 1 else \
+    ends = f"at {value_words(values[0])}" if values.size == 1 else \
+        ", ".join(map(value_words, values)) if are_labels(values) else \
         f"from {values[0]:g} to {values[-1]:g}"
     return (f"- {parameter_words(attrs['parameter'])} {ends} {unit}".rstrip()
             + f": {plural(values.size, 'value')} × {plural(sweep.sizes['start'], 'start')}, "
@@ -126,7 +131,8 @@ def _table(sweep: xr.Dataset, values: NDArray[Any], unit: str) -> list[str]:
     name = parameter_words(sweep.attrs["parameter"])
     rows = [(name + f" ({unit})" * bool(unit), f"{law.word}s per cycle",
              f"back {law.word}s per cycle", "period (mesh cycles)", "deepest separation (µrad)")]
-    for i in np.unique(np.linspace(0, values.size - 1, TABLE_LINES).round().astype(int)):
+    lines = values.size if are_labels(values) else TABLE_LINES
+    for i in np.unique(np.linspace(0, values.size - 1, lines).round().astype(int)):
         status = Status(int(branch["status"].values[i]))
         if status == Status.OK:
             cells = (f"{impacts[i]:.3g}", f"{back[i]:.3g}",
@@ -134,9 +140,20 @@ def _table(sweep: xr.Dataset, values: NDArray[Any], unit: str) -> list[str]:
         else:
             lost = "not reached" if status == Status.UNFINISHED else "failed"
             cells = (lost, *"–––")
-        rows.append((f"{values[i]:g}", *cells))
-    which = "The motions" if values.size <= TABLE_LINES else "Some of the motions"
+        rows.append((value_words(values[i]), *cells))
+    which = "The motions" if values.size <= lines else "Some of the motions"
     return [f"{which}, {START_NAMES.get(starts[start], starts[start])}:", "", *markdown(rows)]
+
+
+def _labelled(sweep: xr.Dataset, values: NDArray[Any], seen: NDArray[Any], unit: str) -> str:
+    """Of which labels something was seen, from any start, and of which nothing is known."""
+    done = known(sweep)
+    looked: Any = done.any(axis=0)
+    hit: Any = (seen & done).any(axis=0)
+    words = f"at {bands(values, hit)}" if hit.any() else "nowhere"
+    others = looked & ~hit
+    return (words + f", not at {bands(values, others)}" * bool(hit.any() and others.any())
+            + f"; no result at {bands(values, np.logical_not(looked))}" * bool(not looked.all()))
 
 
 def _largest(sweep: xr.Dataset, values: NDArray[Any], seen: NDArray[Any], unit: str) -> str:

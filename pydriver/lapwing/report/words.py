@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lapwing.base.quantities import parameter
+from lapwing.base.quantities import are_labels, parameter, value_words
 from lapwing.results.findings import endings
 
 if TYPE_CHECKING:
@@ -53,8 +53,8 @@ def method_words(attrs: dict[str, Any]) -> str:
 
 def span(values: NDArray[Any], unit: str) -> str:
     """From the first value to the last, or the only one, with its unit."""
-    if values.size == 1:
-        return f"{values[0]:g} {unit}".rstrip()
+    if values.size == 1 or are_labels(values):
+        return f"{', '.join(map(value_words, values))} {unit}".rstrip()
     return f"{values[0]:g} to {values[-1]:g} {unit}".rstrip()
 
 
@@ -65,7 +65,9 @@ def runs_of(flags: NDArray[Any]) -> list[tuple[int, int]]:
 
 
 def listed(found: Sequence[tuple[int, int]], values: NDArray[Any], most: int = MOST) -> str:
-    """Runs of values in words: '1, 2 to 3'; of many the outermost."""
+    """Runs of values in words: '1, 2 to 3'; of many the outermost. Labels one by one, all."""
+    if are_labels(values):
+        return ", ".join(value_words(values[i]) for a, b in found for i in range(a, b + 1))
     told = [f"{values[a]:g}" if a == b else f"{values[a]:g} to {values[b]:g}" for a, b in found]
     return ", ".join(told if len(told) <= most else
                      [*told[:most // 2], "…", *told[len(told) - most // 2:]])

@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
-from lapwing.base.messages import nearest
+from lapwing.base.quantities import CURVE, term
 from lapwing.deck import schema
+from lapwing.deck.checks.axes import parameter_group
 from lapwing.deck.checks.curve import curve_options
 from lapwing.deck.checks.drawn import check_drawn, check_use, expected, out_of_range
-from lapwing.deck.checks.hints import of_parameters
 from lapwing.deck.checks.magnitudes import warn_of_torques, warn_of_units
 from lapwing.deck.checks.te_table import file_table, flat, formula_table
 from lapwing.deck.deck import Deck
-from lapwing.deck.declare import parameter_name
+from lapwing.deck.declare import parameter_name, parameter_text
 from lapwing.deck.problems import Place
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.oscillator import ParameterError
+from lapwing.model.transmission_error.algebra import with_amplitudes
 
 if TYPE_CHECKING:
     from lapwing.deck.checks.te_table import Table
@@ -37,6 +40,8 @@ if TYPE_CHECKING:
     from lapwing.model.draw import Draw
     from lapwing.model.oscillator import Oscillator
     from lapwing.model.transmission_error.table import TransmissionError
+
+EMPTY: Mapping[str, Any] = MappingProxyType({})
 
 
 def assemble(path: Path, text: str, overrides: tuple[tuple[str, str], ...],
@@ -218,6 +223,9 @@ class Studies:
     pair : GearPair or None
     ready : bool, whether oscillators can be built: nothing they need was refused
     folder : Path, of the deck
+    models : dict of name -> group reader, of groups that are no studies
+    curve : TransmissionErrorKeys or None
+    teeth, fit : dict, what reading a file of the transmission error needs, and how it is fitted
     draws : dict of parameter -> (its group, Draw)
     draws_refused : bool, whether there are others that were refused
     """
@@ -228,7 +236,7 @@ class Studies:
         self.folder = folder
         self.draws: dict[str, tuple[str, Draw]] = {}
         self.draws_refused = False
-        self._settings, self._models, self.report = settings, models, report
+        self._settings, self.models, self.report = settings, models, report
         self.pair: Any = pair  # a GearPair wherever oscillators can be built
         self._refused = any(keys is None for keys in settings.values())
         self.operation = {} if self._refused else {
@@ -236,7 +244,11 @@ class Studies:
             **settings["scene"].model_dump(),
             "te_sign": settings["transmission_error"].te_sign}
         curve = settings["transmission_error"]
-        self.parabola = curve and curve.parabola_amplitude
+        self.curve = curve
+        gear = settings["gear_pair"]
+        self.teeth = {name: getattr(gear, name) if gear else 1
+                      for name in ("pinion_teeth", "gear_teeth")}
+        self.fit = table.fit if table is not None else {}
         self.ready = not self._refused and pair is not None and table is not None
         self._te: Any = self._table(table) if self.ready and table is not None else None
 
@@ -271,18 +283,18 @@ class Studies:
             operation = {k: v for k, v in operation.items() if k not in schema.SPEEDS}
         return {**operation, **own}
 
-    def oscillator(self, reader: _GroupReader, pair: GearPair,
-                   operation: dict[str, Any]) -> Oscillator | None:
+    def oscillator(self, reader: _GroupReader, pair: GearPair, operation: dict[str, Any],
+                   te: TransmissionError | None = None) -> Oscillator | None:
         """The oscillator, or None: what is missing is said here, the rest by the driver."""
         complete = self._complete(reader, operation)
         if not complete:
             return None
         try:
-            oscillator = pair.oscillator(self._te, **operation)
+            oscillator = pair.oscillator(te or self._te, **operation)
             self._check_method(oscillator)
             return oscillator
         except (ValueError, ArithmeticError) as error:
-            readers = [*(self._models[name] for name in self._models), reader]
+            readers = [*(self.models[name] for name in self.models), reader]
             _relay(error, readers, self.report)
         return None
 
@@ -293,7 +305,7 @@ class Studies:
                              "'auto'")
 
     def _complete(self, reader: _GroupReader, operation: dict[str, Any]) -> bool:
-        where = self._models["operation"].place if "operation" in self._models else reader.place
+        where = self.models["operation"].place if "operation" in self.models else reader.place
         lacking = [] if operation.get("brake_torque") is not None else ["brake_torque"]
         speeds = [name for name in schema.SPEEDS if operation.get(name) is not None]
         if not speeds:
@@ -314,28 +326,8 @@ class Studies:
 
     def parameter(self, reader: _GroupReader, name: str, place: Place | None = None,
                   word: str = "parameter") -> str | None:
-        """Group of the parameter varied, or None; `word` is what `place` holds."""
-        known = schema.numeric_parameters()
-        group, _, bare = name.rpartition(".")
-        place = place or reader.places.get("parameter", reader.place)
-        if bare not in known or group not in ("", known[bare]):
-            full = [*known, *(f"{group}.{key}" for key, group in known.items())]
-            hint = of_parameters(name) or nearest(name, full if group else known)
-            self.report.add(place, f"{word} = {name!r} is no real number of &gear_pair or "
-                                   f"&operation; {hint}")
-            return None
-        for reader_name, model in {**self._models, reader.name: reader}.items():
-            for names in schema.GROUPS[reader_name].exclusive:
-                others = [key for key in names if key != bare and key in model.places]
-                if bare in names and others:
-                    self.report.add(place, f"{word} = {name!r}, but &{reader_name} gives "
-                                            f"{others[0]}; vary that, or give {bare} instead")
-                    return None
-        if bare == "parabola_amplitude" and not self.parabola:
-            self.report.add(place, f"{word} = {name!r} goes with a parabola_amplitude in "
-                                   "&transmission_error that is not 0")
-            return None
-        return known[bare]
+        """Group of a number that is varied, or None; `word` is what `place` holds."""
+        return parameter_group(self, reader, name, place, word)
 
     def check_values(self, reader: _GroupReader, name: str, group: str,
                      values: NDArray[Any]) -> None:
@@ -343,7 +335,7 @@ class Studies:
         wrong = out_of_range(name, group, values)
         if wrong is not None:
             place = reader.places.get("values") or reader.places["from"]
-            self.report.add(place, f"{name} = {wrong:g} among the values, expected "
+            self.report.add(place, f"{parameter_text(name)} = {wrong:g} among the values, expected "
                                    f"{expected(name, group)}")
 
     def check_drawn(self, reader: _GroupReader, name: str, group: str, draw: Draw) -> None:
@@ -351,23 +343,33 @@ class Studies:
         check_drawn(self, reader, name, group, draw)
 
     def check_ends(self, reader: _GroupReader, varied: dict[str, tuple[str, Any]],
-                   operation: dict[str, Any]) -> None:
+                   operation: dict[str, Any], tables: Mapping[str, Table] = EMPTY) -> None:
         """Force is monotonic in each parameter: what holds at the ends holds between them.
 
-        `varied` are (group, values) by parameter; of several every combination of ends is tried.
+        `varied` are (group, values) by parameter; of several every combination of ends is tried, of
+        curves each (`tables`, by label).
         """
-        for ends in product(*({values[0], values[-1]} for _, values in varied.values())):
-            pair, at = self.pair, operation
-            for (name, (group, _)), value in zip(varied.items(), map(float, ends), strict=True):
+        for ends in product(*(values if name == CURVE else {values[0], values[-1]}
+                              for name, (_, values) in varied.items())):
+            pair, at, te, amplitudes = self.pair, operation, self._te, {}
+            for (name, (group, _)), value in zip(varied.items(), ends, strict=True):
+                number = term(name)
                 if group == "operation":
-                    at = {**at, name: value}
+                    at = {**at, name: float(value)}
                 elif name == "parabola_amplitude":
-                    at = {**at, "te_scale": at.get("te_scale", 1.0) * value / self.parabola}
+                    at = {**at, "te_scale": at.get("te_scale", 1.0) * float(value)
+                          / self.curve.parabola_amplitude}
                 elif self.report.refusals:
                     return
+                elif name == CURVE:
+                    te = self._table(tables[str(value)])
+                elif number is not None:
+                    amplitudes[number] = float(value)
                 else:
-                    pair = replace(pair, **{name: value})
-            oscillator = self.oscillator(reader, pair, at)
+                    pair = replace(pair, **{name: float(value)})
+            if len(te.harmonics):  # else a stand-in
+                te = with_amplitudes(te, amplitudes)
+            oscillator = self.oscillator(reader, pair, at, te)
             if oscillator is None:
                 return
             if oscillator.force < 0 and oscillator.gap == "one_flank" \

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lapwing.base.quantities import base_name
 from lapwing.deck import schema
+from lapwing.deck.declare import parameter_text
 
 if TYPE_CHECKING:
     from lapwing.deck.checks.assemble import Studies
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
 
 def out_of_range(name: str, group: str, values: NDArray[Any]) -> float | None:
     """The least or the greatest value where the key of that name refuses it."""
-    limits = schema.KeyType(schema.GROUPS[group].model_fields[name]).limits
+    limits = schema.KeyType(schema.GROUPS[group].model_fields[base_name(name)]).limits
     return next((float(value) for value in (values.min(), values.max())
                  if value < limits.get("ge", value) or value > limits.get("le", value)
                  or value <= limits.get("gt", value - 1)
@@ -28,7 +30,8 @@ def out_of_range(name: str, group: str, values: NDArray[Any]) -> float | None:
 
 def expected(name: str, group: str) -> str:
     """What a value of a key must be."""
-    return schema.KeyType(schema.GROUPS[group].model_fields[name]).expected
+    return schema.KeyType(schema.GROUPS[group].model_fields[base_name(name)]).expected.removeprefix(
+        "each ")
 
 
 def clash(name: str, others: Iterable[str]) -> str:
@@ -50,8 +53,9 @@ def check_drawn(builder: Studies, reader: _GroupReader, name: str, group: str,
         given = end in reader.places
         builder.report.add(
             reader.places[end] if given else reader.place,
-            f"&draw of {name}: values {'down' if end == 'low' else 'up'} to {wrong:.3g} can be "
-            f"drawn, expected {expected(name, group)}" + f"; give {end}" * (not given))
+            f"&draw of {parameter_text(name)}: values {'down' if end == 'low' else 'up'} to "
+            f"{wrong:.3g} can be drawn, expected {expected(name, group)}"
+            + f"; give {end}" * (not given))
     problem = clash(name, builder.draws)
     if problem:
         builder.report.add(reader.places["parameter"], problem)

@@ -87,17 +87,17 @@ def flat() -> TransmissionError:
 
 
 def file_table(name: str, folder: Path, teeth: dict[str, int], fit: dict[str, float | None] | None,
-               place: Place, report: Report) -> Table | None:
+               place: Place, report: Report, key: str = "file") -> Table | None:
     """Table of a CSV file relative to `folder`, or None; its problems go to `report`.
 
-    `fit` is how its samples are fitted, or None.
+    `fit` is how its samples are fitted, or None; `key` the key that names it.
     """
     path = Path(folder, name)
     try:
         columns, problems = read_columns(path, **teeth)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
-        report.add(place, f"file = {cut(name, 100)!r} cannot be read: {reason}")
+        report.add(place, f"{key} = {cut(name, 100)!r} cannot be read: {reason}")
         return None
     if problems:
         _report(path, problems, report)

@@ -7,15 +7,20 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 from pydantic import Field
 
 from lapwing.base import estimates
-from lapwing.deck.checks.ranges import range_values
+from lapwing.base.quantities import CURVE, curve_clash
+from lapwing.deck.checks.axes import axis_of
 from lapwing.deck.deck import Asked
 from lapwing.deck.declare import (
+    FILES,
     NAME_PATTERN,
     StudyKeys,
     figures_key,
     figures_of,
+    files_key,
     key,
-    parameter_name,
+    labels_key,
+    parameter_text,
+    without_files,
 )
 
 if TYPE_CHECKING:
@@ -25,7 +30,7 @@ if TYPE_CHECKING:
 
 _Reals = list[Annotated[float, Field(ge=-1e15, le=1e15)]] | None
 _Counts = list[Annotated[int, Field(ge=2, le=100_000)]] | None
-_AXIS = ("parameter", "values", "from", "to", "count", "spacing")
+_AXIS = ("parameter", "values", "from", "to", "count", "spacing", *FILES)
 
 
 def _values(example: list[float]) -> Any:
@@ -49,23 +54,27 @@ class MapKeys(StudyKeys):
 
     title = "two parameters, every combination of their values; any number of them"
     chosen = ("x_from", "x_to", "x_count", "y_from", "y_to", "y_count")
-    exclusive = (("x_values", "x_from"), ("y_values", "y_from"))
+    exclusive = (("x_values", "x_from", "x_files"), ("y_values", "y_from", "y_files"))
 
     name: str = key(text="names its figures and its part of the summary; letters, digits, . _ -",
                     example="plane", pattern=NAME_PATTERN, max_length=64)
-    x_parameter: str = key(text="a real number of &gear_pair or &operation, drawn from left to "
-                           "right", example="pinion_speed_rpm")
+    x_parameter: str = key(text="what is varied, as in &sweep, drawn from left to right",
+                           example="pinion_speed_rpm")
     x_values: _Reals = _values([240.0, 480.0, 1500.0])
     x_from: _Reals = _end("where each range begins", [200.0])
     x_to: _Reals = _end("where each range ends, included", [3000.0])
     x_count: _Counts = _count([281])
     x_spacing: Literal["linear", "log"] = _spacing()
+    x_files: list[str] | None = files_key()
+    x_labels: list[str] | None = labels_key()
     y_parameter: str = key("brake_torque", "another one, drawn upwards")
     y_values: _Reals = _values([0.8, 1.8, 3.3, 5.5, 12.0])
     y_from: _Reals = _end("where each range begins", [0.2])
     y_to: _Reals = _end("where each range ends, included", [14.0])
     y_count: _Counts = _count([139])
     y_spacing: Literal["linear", "log"] = _spacing()
+    y_files: list[str] | None = files_key()
+    y_labels: list[str] | None = labels_key()
     start: Literal["rest", "up", "down"] = key(
         "rest", "each run from rest; or carried upwards or downwards along y, the first one of "
         "each x from rest")
@@ -88,40 +97,49 @@ class MapKeys(StudyKeys):
     def build(self, builder: Studies, reader: _GroupReader) -> Asked | None:
         """See `StudyKeys`: the values of both axes, and oscillators at their corners."""
         report = builder.report
-        axes = {}
+        axes, tables = {}, dict[str, Any]()
         if len(set(self.observe or ())) != len(self.observe or ()):
             report.add(reader.places["observe"], "observe: expected each once")
         for side in "xy":
-            axis: Any = _Axis(reader, side)
-            name = parameter_name(axis.keys.parameter)
-            group = builder.parameter(axis, name)
-            values = range_values(axis, cast("Report", _Said(report, side)))
-            if group is not None and values is not None:
-                bare = name.rpartition(".")[2]
-                builder.check_values(axis, bare, group, values)
-                if bare in axes:
-                    report.add(axis.places["parameter"], f"y_parameter = {bare!r} is x_parameter "
-                                                         "as well, expected another")
-                axes[bare] = (group, values)
+            side_of: Any = _Axis(reader, side)
+            axis = axis_of(builder, side_of, cast("Report", _Said(report, side)))
+            if axis is None:
+                continue
+            if axis.name in axes:
+                report.add(side_of.places["parameter"], f"y_parameter = "
+                           f"{parameter_text(axis.name)!r} is x_parameter as well, expected "
+                           "another")
+            axes[axis.name] = (axis.group, axis.values)
+            tables |= axis.tables
+            if axis.name == CURVE and side == "y" and self.start != "rest":
+                report.add(reader.places["start"], f"start = {self.start!r} carries motions along "
+                           "y, but files have no order; expected 'rest', or the files along x")
+        problem = curve_clash(axes, parameter_text)
+        if problem:
+            report.add(reader.places.get("y_parameter", reader.place), problem)
         if len(axes) < 2 or not builder.ready:
             return None
         operation = {k: v for k, v in builder.operation.items() if k not in axes}
-        builder.check_ends(reader, axes, operation)
+        builder.check_ends(reader, axes, operation, tables)
         names = tuple(axes)
         return Asked("map", self, operation, builder.rtol(reader), {
             "axes": {name: values for name, (_, values) in axes.items()},
-            "x_parameter": names[0], "y_parameter": names[1]})
+            "x_parameter": names[0], "y_parameter": names[1], "tables": tables})
 
     def used(self, asked: Asked) -> dict[str, Any]:
         """See `StudyKeys`."""
-        given = {f"{side}_spacing": None for side in "xy" if getattr(self, f"{side}_values")}
+        given: dict[str, Any] = {f"{side}_spacing": None for side in "xy"
+                                 if not getattr(self, f"{side}_from")}
+        given |= {f"{side}_labels": list(asked.tables) for side in "xy"
+                  if getattr(self, f"{side}_files")}
         return super().used(asked) | given
 
     def canonical(self, values: dict[str, Any], asked: Asked) -> dict[str, Any]:
         """See `StudyKeys`: the ranges written out; how the work is cut decides nothing."""
         left_out = {"shard_runs", *(f"{side}_{name}" for side in "xy" for name in _AXIS)}
-        return {name: value for name, value in values.items() if name not in left_out} | {
-            "axes": {name: list(map(float, axis)) for name, axis in asked.axes.items()}}
+        return without_files({
+            name: value for name, value in values.items() if name not in left_out} | {
+            "axes": {name: axis.tolist() for name, axis in asked.axes.items()}}, asked)
 
     def memory(self, asked: Asked) -> tuple[int, str]:
         """See `StudyKeys`: of the whole map, put together from its shards."""
@@ -144,9 +162,9 @@ class _Axis:
         self.keys = _Named({name.rstrip("_"): getattr(reader.keys, f"{side}_{name}")
                             for name in _AXIS})
         ours = {f"{side}_{name}": name for name in _AXIS}
-        self.places, self.key_places = (
+        self.places, self.key_places, self.item_places = (
             {ours[name]: place for name, place in places.items() if name in ours}
-            for places in (reader.places, reader.key_places))
+            for places in (reader.places, reader.key_places, reader.item_places))
         for name in ("parameter", "from"):  # where a key is left out, the group is to blame
             self.places.setdefault(name, reader.place)
 

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from lapwing.base import estimates
+from lapwing.base.quantities import CURVE
+from lapwing.deck.checks.axes import axis_of
 from lapwing.deck.checks.magnitudes import warn_of_order, warn_of_torques
-from lapwing.deck.checks.ranges import range_values
 from lapwing.deck.deck import Asked
 from lapwing.deck.declare import (
     NAME_PATTERN,
     AlongKeys,
     figures_key,
     figures_of,
+    files_key,
     key,
-    parameter_name,
+    labels_key,
+    without_files,
 )
 
 if TYPE_CHECKING:
@@ -26,14 +29,18 @@ class SweepKeys(AlongKeys):
     """One parameter over a range of values."""
 
     title = "one parameter over a range of values; any number of them"
+    exclusive = (("values", "from", "files"),)
 
     name: str = key(text="names its figures and its part of the summary; letters, digits, . _ -",
                     example="torque", pattern=NAME_PATTERN, max_length=64)
     parameter: str = key(text="a real number of &gear_pair or &operation, as 'brake_torque' or "
-                         "'operation.brake_torque'", example="brake_torque")
+                         "'operation.brake_torque'; 'harmonic_amplitude(2)'; or "
+                         "'transmission_error.file' (section \"Sweeps\")", example="brake_torque")
+    files: list[str] | None = files_key()
+    labels: list[str] | None = labels_key()
     starts: list[Literal["rest", "up", "down"]] = key(
         ["rest", "up", "down"], "each value from rest; carried upwards; carried downwards (the "
-        "first one of those from rest)",
+        "first one of those from rest); along files 'rest' alone",
         min_length=1, max_length=3)
     settle_cycles: int = key(400, "mesh cycles before recording, at every value", ge=0,
                              le=10_000_000)
@@ -53,25 +60,39 @@ class SweepKeys(AlongKeys):
 
     def build(self, builder: Studies, reader: _GroupReader) -> Asked | None:
         """See `StudyKeys`: the values, and oscillators at both ends of them."""
-        report, name = builder.report, parameter_name(self.parameter)
-        group = builder.parameter(reader, name)
-        values = range_values(reader, report)
-        if group is None or values is None:
+        report = builder.report
+        axis = axis_of(builder, reader, report)
+        if axis is None:
             return None
-        name = name.rpartition(".")[2]
+        name, group, values, tables = axis
         starts = tuple(self.starts)
         if len(set(starts)) != len(starts):
             report.add(reader.places["starts"], "starts: expected each once")
-        builder.check_values(reader, name, group, values)
+        if name == CURVE:
+            if "starts" in reader.places and set(starts) != {"rest"}:
+                report.add(reader.places["starts"], "starts: nothing is carried along files, which "
+                                                    "have no order; expected 'rest'")
+            starts = ("rest",)
         if not builder.ready:
             return None
         operation = {k: v for k, v in builder.operation.items() if k != name}
-        builder.check_ends(reader, {name: (group, values)}, operation)
+        builder.check_ends(reader, {name: (group, values)}, operation, tables)
         warn_of_order(reader, report)
         if name == "brake_torque":
             warn_of_torques(reader, builder.pair, operation, values, report)
         return Asked("sweep", self, operation, builder.rtol(reader),
-                     {"parameter": name, "group": group, "values": values, "starts": starts})
+                     {"parameter": name, "group": group, "values": values, "starts": starts,
+                      "tables": tables})
+
+    def used(self, asked: Asked) -> dict[str, Any]:
+        """See `StudyKeys`: of files no spacing, and the labels that they have."""
+        own: dict[str, Any] = {"spacing": None, "labels": asked.values.tolist()} \
+            if asked.tables else {}
+        return super().used(asked) | {"starts": list(asked.starts)} | own
+
+    def canonical(self, values: dict[str, Any], asked: Asked) -> dict[str, Any]:
+        """See `StudyKeys`: files by their numbers."""
+        return without_files(super().canonical(values, asked), asked)
 
     def memory(self, asked: Asked) -> tuple[int, str]:
         """See `StudyKeys`."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -33,6 +35,24 @@ def multiple(te: Parts, factor: float) -> Parts:
     """Every value times a number."""
     return Parts(te.knots, factor * te.coefficients, te.kinks,
                  te.harmonics * np.array([1.0, factor, 1.0]))
+
+
+def with_amplitudes(te: TransmissionError, amplitudes: Mapping[int, float]) -> TransmissionError:
+    """A harmonic series with other amplitudes (rad) of some of its terms, counted from 1.
+
+    Raises
+    ------
+    ValueError
+        where there is no such term, or no series; and as of `TransmissionError.harmonic`.
+    """
+    orders, values, shifts = te.harmonics.copy().T
+    for number, value in amplitudes.items():
+        if not 1 <= number <= len(values):
+            raise ValueError(
+                f"harmonic_amplitude_{number} goes with TransmissionError.harmonic of so many "
+                f"amplitudes; this one has {len(values) or 'no series'}")
+        values[number - 1] = value
+    return replace(type(te).harmonic(values, shifts, orders), te_sign_hint=te.te_sign_hint)
 
 
 def total(one: Parts, other: Parts) -> Parts:

@@ -9,7 +9,14 @@ from numpy.typing import NDArray
 
 from lapwing.base.codes import Status
 from lapwing.plots import style
-from lapwing.plots.sweep.parts import axis_label, edges_of, is_log
+from lapwing.plots.sweep.parts import (
+    axis_label,
+    edges_of,
+    is_log,
+    labels_of,
+    placed,
+    put_labels,
+)
 from lapwing.results.findings import map_rattles
 
 if TYPE_CHECKING:
@@ -30,7 +37,11 @@ def axes_of(data: xr.Dataset) -> tuple[str, str]:
 
 
 def thinned(data: xr.Dataset) -> xr.Dataset:
-    """Each n-th value of an axis that has more than can be seen; the axis says so (`every`)."""
+    """Each n-th value of an axis that has more than can be seen; the axis says so (`every`).
+
+    Labels become places on it (`sweep.parts.placed`).
+    """
+    data = placed(data, *axes_of(data))
     steps = {name: -(-data[name].size // MOST_VALUES) for name in axes_of(data)}
     found = data.isel({name: slice(None, None, step) for name, step in steps.items()})
     return found.assign_coords({name: found[name].assign_attrs(every=step)
@@ -91,6 +102,8 @@ def cells(axis: Axes, data: xr.Dataset, values: NDArray[Any], **look: Any) -> An
             style.plain_powers(one)
     for name, label in ((x, axis.set_xlabel), (y, axis.set_ylabel)):
         every = data[name].attrs.get("every", 1)
+        if labels_of(data, name):
+            put_labels(axis, "x" if name == x else "y", labels_of(data, name))
         label(axis_label(name) + f", one of {every} values drawn" * (every > 1))
     axis.set_xlim(edges[x][0], edges[x][-1])
     axis.set_ylim(edges[y][0], edges[y][-1])
@@ -201,8 +214,10 @@ def mark_full_engagement(axis: Axes, data: xr.Dataset) -> bool:
         return False
     (other,) = data["full_engagement"].dims
     at, torque = data[other].values, data["full_engagement"].values
-    if at.size == 1:
-        at, torque = _edges(at), np.repeat(torque, 2)
+    if at.size == 1 or labels_of(data, str(other)):  # a level of its own for each column
+        edges, gaps = _edges(at), np.full(at.size, np.nan)
+        at = np.stack([edges[:-1], edges[1:], gaps], axis=1).ravel()[:-1]
+        torque = np.stack([torque, torque, gaps], axis=1).ravel()[:-1]
     upwards = axes_of(data)[0] == other
     low, high = axis.get_ylim() if upwards else axis.get_xlim()
     for width, colour in ((2.6, "white"), (1.2, style.BLACK)):
@@ -261,7 +276,10 @@ def status_handles(data: xr.Dataset) -> tuple[list[Any], NDArray[np.bool_]]:
 
 
 def finish(figure: Figure, axis: Axes, data: xr.Dataset, handles: list[Any]) -> Figure:
-    """What is below the panel."""
+    """What is below the panel, and between the columns or rows of labels."""
+    for name, line in zip(axes_of(data), (axis.axvline, axis.axhline), strict=True):
+        for place in range(1, len(labels_of(data, name))):
+            line(place - 0.5, color="white", linewidth=2)
     last = mark_last_rattling(axis, data)
     seen = line_handles(mark_full_engagement(axis, data), last)
     lost, failed = status_handles(data)

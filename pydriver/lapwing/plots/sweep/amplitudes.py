@@ -59,6 +59,7 @@ def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title:
     -------
     matplotlib.figure.Figure
     """
+    sweep = sweep_parts.placed(sweep)
     figure = style.new_figure(11, 9, rows=True)
     axes = figure.subplots(3, 2, sharex=True)
     for axis, (name, factor, words, unit), letter in zip(axes.flat, PANELS, "abcdef", strict=True):
@@ -71,6 +72,8 @@ def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title:
     marked = _resonances(axes, parameter, values, gear_pair)
     sweep_parts.finish(figure, axes[:, 0], sweep, "amplitudes", title)
     axes[-1, 1].set_xlabel(axes[-1, 0].get_xlabel())
+    if sweep_parts.in_columns(sweep):
+        sweep_parts.put_labels(axes[-1, 1], "x", sweep_parts.labels_of(sweep, parameter))
     if marked:
         axes[-1, 0].set_xlabel(f"{axes[-1, 0].get_xlabel()}; Ω: mesh frequency / natural frequency")
     sweep_parts.legend(figure, sweep, failed=bool(sweep_parts.failed(sweep).any()),
@@ -86,9 +89,13 @@ def _panel(axis: Axes, sweep: xr.Dataset, name: str, factor: float) -> None:
         return
     for branch, look in sweep_parts.branches(sweep):
         shown = sweep_parts.stands_apart(sweep, branch, lambda one: one[name].values)
-        axis.plot(branch[sweep_parts.parameter_of(sweep)].values[shown],
-                  factor * branch[name].values[shown], linestyle="", marker="o", markersize=2.8,
-                  markeredgewidth=0, color=look["color"], alpha=0.9)
+        x, y = branch[sweep_parts.parameter_of(sweep)].values[shown], \
+            factor * branch[name].values[shown]
+        if sweep_parts.in_columns(sweep):
+            sweep_parts.columns(axis, x, y, look)
+        else:
+            axis.plot(x, y, linestyle="", marker="o", markersize=2.8, markeredgewidth=0,
+                      color=look["color"], alpha=0.9)
     top = factor * np.nanmax(sweep[name].values)
     bottom = min(0.0, factor * np.nanmin(sweep[name].values))
     axis.set_ylim(ROOM * bottom, ROOM * top if top > 0 else 0.0 if bottom else 1.0)

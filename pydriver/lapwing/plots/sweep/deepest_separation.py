@@ -43,6 +43,7 @@ def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title:
     -------
     matplotlib.figure.Figure
     """
+    sweep = sweep_parts.placed(sweep)
     claims = [one for one in sweep_parts.claims_of(sweep, claims) if np.isfinite(one.depth)]
     figure = style.new_figure(9, 5.4, rows=True)
     axis = figure.subplots()
@@ -79,6 +80,9 @@ def depth_lines(axis: Axes, sweep: xr.Dataset) -> None:
         depth = np.where((branch["status"].values == 0) & sweep_parts.stands_apart(
             sweep, branch, _depth), _depth(branch), np.nan)
         x, period = branch[sweep_parts.parameter_of(sweep)].values, branch["period"].values
+        if sweep_parts.in_columns(sweep):
+            sweep_parts.columns(axis, x, depth, look)
+            continue
         joined = (period[1:] == period[:-1]) & (period[1:] > 0)
         breaks = np.flatnonzero(~joined) + 1
         axis.plot(np.insert(x, breaks, np.nan), np.insert(depth, breaks, np.nan),

@@ -41,6 +41,7 @@ def draw(sweep: xr.Dataset, *, title: str | None = None, full_engagement: float 
     -------
     matplotlib.figure.Figure
     """
+    sweep = sweep_parts.placed(sweep)
     figure = style.new_figure(10, 9, rows=True)
     axes = figure.subplots(3, 1, sharex=True, height_ratios=[2.4, 2.2, 1.6])
     for axis, panel, letter in zip(axes, (_section, _exponents, _multipliers), "abc", strict=True):

@@ -45,6 +45,7 @@ def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title:
     """
     from matplotlib.colors import LogNorm
 
+    sweep = sweep_parts.placed(sweep)
     parameter = sweep_parts.parameter_of(sweep)
     values, edges = sweep[parameter].values, sweep["speed_edge"].values
     factor, unit, millimetres = style.speed_unit(gear_pair)

@@ -53,6 +53,7 @@ def draw(sweep: xr.Dataset, gear_pair: dict[str, float] | None = None, *, title:
     -------
     matplotlib.figure.Figure
     """
+    sweep = sweep_parts.placed(sweep)
     panels: dict[Any, float] = {_section: 3.0, _impact_speeds: 2.4, _impacts: 1.6, _periods: 1.7}
     if "impact_velocity" not in sweep or not arrivals_in(sweep.attrs).threshold:
         panels[_depths] = panels.pop(_impact_speeds)
@@ -82,7 +83,8 @@ def _section(axis: Axes, sweep: xr.Dataset, gear_pair: dict[str, float] | None, 
         x = branch[sweep_parts.parameter_of(sweep)].values
         y = np.where(sweep_parts.differs(sweep, branch)[:, None],
                      style.URAD * branch["phi"].values, np.nan)
-        sweep_parts.dots(axis, np.broadcast_to(x[:, None], y.shape), y, look)
+        sweep_parts.dots(axis, np.broadcast_to(x[:, None], y.shape), y, look,
+                         sweep_parts.in_columns(sweep))
     axis.axhline(0, color="0.5", linewidth=0.8)
     axis.set_ylim(axis.get_ylim())
     axis.set_ylabel(f"φ at phase {float(sweep.attrs.get('phase', 0)):g} (µrad)\n"
@@ -102,7 +104,8 @@ def _impact_speeds(axis: Axes, sweep: xr.Dataset, gear_pair: dict[str, float] | 
         x = branch[sweep_parts.parameter_of(sweep)].values
         place, point = listed_impacts(branch)
         shown = sweep_parts.differs(sweep, branch)[point]
-        sweep_parts.dots(axis, x[point[shown]], factor * np.abs(velocity[place[shown]]), look)
+        sweep_parts.dots(axis, x[point[shown]], factor * np.abs(velocity[place[shown]]), look,
+                         sweep_parts.in_columns(sweep))
     axis.set_ylabel(f"approach speed |φ'|\n({unit})")
     if velocity.size:
         axis.set_ylim(bottom=0)
@@ -136,7 +139,10 @@ def _impacts(axis: Axes, sweep: xr.Dataset, gear_pair: dict[str, float] | None,
     for branch, look in sweep_parts.branches(sweep):
         x = branch[sweep_parts.parameter_of(sweep)].values
         count = sweep_parts.beside(per_cycle(branch), sweep_parts.differs(sweep, branch))
-        axis.plot(x, count, color=look["color"], linewidth=look["width"])
+        if sweep_parts.in_columns(sweep):
+            sweep_parts.columns(axis, x, count, look)
+        else:
+            axis.plot(x, count, color=look["color"], linewidth=look["width"])
         struck |= per_cycle(branch, "coast") > 0
     # A row of its own: so few they are, a curve would lie on the axis.
     axis.plot(x[struck], np.full(struck.sum(), COAST_ROW), linestyle="", marker="v",

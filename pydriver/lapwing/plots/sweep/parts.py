@@ -38,6 +38,9 @@ OPERATION = ("brake_torque", "pinion_speed_rpm", "pinion_speed_rad_s", "mesh_fre
 # Words on an axis where they are others than a sentence takes.
 AXIS_WORDS = {"restitution": "coefficient of restitution"}
 
+# Half of the width of a label's column, whose distance is 1; letters of labels that stand level.
+COLUMN, LABEL_LETTERS = 0.35, 90
+
 # Free part of the range at either end, so that the points there are whole.
 MARGIN = 0.008
 
@@ -86,6 +89,41 @@ def claims_of(sweep: xr.Dataset, given: list[Claim] | None) -> list[Claim]:
 def parameter_of(sweep: xr.Dataset) -> str:
     """Name of the parameter swept."""
     return str(sweep["status"].dims[1])
+
+
+def placed(data: xr.Dataset, *names: str) -> xr.Dataset:
+    """Labels of some dimensions as places 0, 1, 2 … on an axis, whose `labels` they become.
+
+    Numbers stay. No names: those of the parameter of a sweep.
+    """
+    return data.assign_coords({
+        name: (name, np.arange(data[name].size), {"labels": tuple(map(str, data[name].values))})
+        for name in names or (parameter_of(data),) if quantities.are_labels(data[name].values)})
+
+
+def labels_of(data: xr.Dataset, name: str) -> tuple[str, ...]:
+    """Labels at the places of a dimension that is `placed`; none of numbers."""
+    return tuple(data[name].attrs.get("labels", ()))
+
+
+def put_labels(axis: Axes, side: str, labels: tuple[str, ...]) -> None:
+    """Labels as ticks of an axis, 'x' or 'y'; slanted where they are long."""
+    places = np.arange(len(labels))
+    one = axis.xaxis if side == "x" else axis.yaxis
+    one.set_ticks(places, labels)
+    one.set_tick_params(which="minor", length=0)
+    if side == "x" and sum(map(len, labels)) > LABEL_LETTERS:
+        axis.tick_params(axis="x", rotation=30)
+
+
+def in_columns(sweep: xr.Dataset) -> bool:
+    """Whether the values of a sweep are labels: what is drawn of one fills a column of its own."""
+    return bool(labels_of(sweep, parameter_of(sweep)))
+
+
+def columns(axis: Axes, x: NDArray[Any], y: NDArray[Any], look: dict[str, Any]) -> None:
+    """A level in the column of each label; nothing joins neighbours, which have no order."""
+    axis.hlines(y, x - COLUMN, x + COLUMN, color=look["color"], linewidth=2)
 
 
 def branches(sweep: xr.Dataset) -> list[tuple[xr.Dataset, Any]]:
@@ -250,9 +288,12 @@ def finish(figure: Figure, axes: NDArray[Any], sweep: xr.Dataset, what: str,
     parameter = parameter_of(sweep)
     values = sweep[parameter].values
     axes[-1].set_xlabel(axis_label(parameter))
-    if values.size == 1:
+    if in_columns(sweep):
+        put_labels(axes[-1], "x", labels_of(sweep, parameter))
+        axes[-1].set_xlim(-0.5, values.size - 0.5)
+    elif values.size == 1:
         axes[-1].set_xticks(values)
-    if values[-1] > values[0]:
+    if values[-1] > values[0] and not in_columns(sweep):
         if is_log(values):
             axes[-1].set_xscale("log")
             style.plain_powers(axes[-1].xaxis)
@@ -264,8 +305,9 @@ def finish(figure: Figure, axes: NDArray[Any], sweep: xr.Dataset, what: str,
     figure.suptitle(heading(what, sweep) if title is None else title)
 
 
-def dots(axis: Axes, x: NDArray[Any], y: NDArray[Any], look: dict[str, Any]) -> None:
-    """All points of a line (x, y of one shape); the scale must be final.
+def dots(axis: Axes, x: NDArray[Any], y: NDArray[Any], look: dict[str, Any],
+         wide: bool = False) -> None:
+    """All points of a line (x, y of one shape); the scale must be final. `wide`: as columns.
 
     A periodic motion comes to the same places in every cycle; no more is drawn than can be seen.
     """
@@ -278,5 +320,9 @@ def dots(axis: Axes, x: NDArray[Any], y: NDArray[Any], look: dict[str, Any]) -> 
     _, first, count = np.unique(column * (PLACES + 1) + row, return_index=True,
                                 return_counts=True)
     points = np.repeat(first, np.minimum(count, OPAQUE))
+    if wide:
+        axis.hlines(y[points], x[points] - COLUMN, x[points] + COLUMN, linewidth=0.8,
+                    alpha=look["alpha"], color=look["color"], rasterized=True)
+        return
     axis.plot(x[points], y[points], linestyle="", marker="o", markersize=look["size"],
               markeredgewidth=0, alpha=look["alpha"], color=look["color"], rasterized=True)

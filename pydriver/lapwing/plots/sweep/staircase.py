@@ -53,6 +53,7 @@ def draw(sweep: xr.Dataset, *, title: str | None = None, full_engagement: float 
     -------
     matplotlib.figure.Figure
     """
+    sweep = sweep_parts.placed(sweep)
     values = sweep[sweep_parts.parameter_of(sweep)].values
     branches = sweep_parts.branches(sweep)
     strips = [(np.where(branch["status"].values == Status.UNFINISHED, UNFINISHED,
@@ -73,7 +74,7 @@ def draw(sweep: xr.Dataset, *, title: str | None = None, full_engagement: float 
         if ends is None:
             continue
         for axis, (classes, label) in zip(axes[first:], strips, strict=False):
-            _strip(axis, values, classes, most, label, ends)
+            _strip(axis, values, classes, most, label, ends, sweep_parts.in_columns(sweep))
             axis.tick_params(labelbottom=False)
         axes[first + len(strips) - 1].tick_params(labelbottom=True)
     law = arrivals_in(sweep.attrs)
@@ -109,12 +110,14 @@ def _crowded(values: NDArray[Any], strips: list[NDArray[Any]]) -> tuple[float, f
     return float(left), float(min(left + MAGNIFIED * width, edges[-1]))
 
 
-def _runs(classes: NDArray[Any], edges: NDArray[Any]) -> list[tuple[str, float, float]]:
-    """Neighbours of one class: its name, and where they begin and end."""
+def _runs(classes: NDArray[Any], edges: NDArray[Any],
+          alone: bool = False) -> list[tuple[str, float, float]]:
+    """Neighbours of one class: its name, and where they begin and end. `alone`: each by itself."""
     found, at = [], 0
-    for name, run in groupby(classes):
-        first, at = at, at + len(list(run))
-        found.append((str(name), float(edges[first]), float(edges[at])))
+    for _, run in groupby(enumerate(classes), lambda one: one[0] if alone else one[1]):
+        names = [name for _, name in run]
+        first, at = at, at + len(names)
+        found.append((str(names[0]), float(edges[first]), float(edges[at])))
     return found
 
 
@@ -123,6 +126,9 @@ def _stairs(axis: Axes, sweep: xr.Dataset, claims: list[Any]) -> str:
     for branch, look in sweep_parts.branches(sweep):
         x = branch[sweep_parts.parameter_of(sweep)].values
         count = sweep_parts.beside(per_cycle(branch), sweep_parts.differs(sweep, branch))
+        if sweep_parts.in_columns(sweep):
+            sweep_parts.columns(axis, x, count, look)
+            continue
         axis.step(x, count, where="mid", color=look["color"], linewidth=look["width"])
     for claim in claims:
         sweep_parts.claim_marker(axis, claim.value, claim.impacts)
@@ -140,7 +146,7 @@ def _impacts(name: str) -> float:
 
 
 def _strip(axis: Axes, values: NDArray[Any], classes: NDArray[Any], most: float, label: str,
-           ends: Any) -> None:
+           ends: Any, alone: bool) -> None:
     """Runs of one class as boxes, coloured by their impacts per cycle; named where that is seen."""
     import matplotlib as mpl
 
@@ -151,7 +157,7 @@ def _strip(axis: Axes, values: NDArray[Any], classes: NDArray[Any], most: float,
     axis.pcolormesh(edges, (0, 1), share[None], vmin=-0.18, vmax=1,  # none quite black
                     cmap=mpl.colormaps["cividis"], rasterized=True, zorder=0.5)
     runs = [(name, max(left, ends[0]), min(right, ends[1]))
-            for name, left, right in _runs(classes, edges) if name != UNFINISHED
+            for name, left, right in _runs(classes, edges, alone) if name != UNFINISHED
             and left < ends[1] and right > ends[0]]
     axis.vlines([left for _, left, _ in runs], 0, 1, color="white", linewidth=0.3, zorder=0.6)
     for failed, hatch in ((False, "////"), (True, "xxxx")):

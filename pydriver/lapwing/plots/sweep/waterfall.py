@@ -42,6 +42,7 @@ def draw(sweep: xr.Dataset, *, title: str | None = None, full_engagement: float 
     """
     from matplotlib.colors import LogNorm
 
+    sweep = sweep_parts.placed(sweep)
     parameter = sweep_parts.parameter_of(sweep)
     values, orders = sweep[parameter].values, sweep["order"].values
     spectra = style.URAD * sweep["order_spectrum"].values.astype(float)

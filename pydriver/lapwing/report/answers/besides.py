@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from lapwing.base.arrivals import arrivals_in
 from lapwing.base.messages import at_least, at_most
+from lapwing.base.quantities import are_labels
 from lapwing.report.amplitudes import greatest
 from lapwing.report.answers.evidence import Look, failures, looks, together
 from lapwing.report.critical import headline
@@ -61,7 +62,7 @@ def _along(sweep: xr.Dataset) -> str:
     every, words = together(found, "rattling"), parameter_words(parameter)
     many = values.size > 1
     looked = f"{values.size} values looked at, " * many + span(values, unit)
-    if every.seen.any() and not every.seen.all():
+    if every.seen.any() and not every.seen.all() and not are_labels(values):
         text = (f"**Avoid a {words} of {bands(every.values, every.seen)} {unit}".rstrip()
                 + f"{at}**: of {looked}, the teeth {_parting(found, unit)}")
     else:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lapwing.base.codes import MotionState, SearchStage, Status
+from lapwing.base.quantities import are_labels
 from lapwing.results.findings import known, rattles
 
 if TYPE_CHECKING:
@@ -115,7 +116,10 @@ def together(found: list[Look], what: str) -> Seen:
     columns = [np.concatenate([np.asarray(column) for column in part]) for part in zip(
         *((one.values, getattr(one, what), one.cycles, one.failed, one.motions) for one in some),
         strict=True)]
-    values, where = np.unique(columns[0], return_inverse=True)
+    values, first, where = np.unique(columns[0], return_index=True, return_inverse=True)
+    if are_labels(values):  # they stay in their order
+        order = np.argsort(first)
+        values, where = values[order], np.argsort(order)[where]
     seen, cycles, failed, motions = (np.bincount(where, column.astype(float), values.size)
                                      for column in columns[1:])
     every = Seen(values, seen > 0, cycles.round().astype(int), failed > 0)

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from lapwing.base.arrivals import arrivals_in
 from lapwing.base.codes import Status
-from lapwing.report.words import bands, parameter_unit, parameter_words, plural, runs_of
+from lapwing.base.quantities import are_labels, value_words
+from lapwing.report.words import bands, parameter_unit, parameter_words, plural, runs_of, span
 from lapwing.results.findings import START_NAMES, map_rattles, map_separates
 
 if TYPE_CHECKING:
@@ -73,12 +74,17 @@ def _choice(data: xr.Dataset, chosen: bool) -> list[str]:
             "were enough" if chosen else f"Choose at least {quiet[0]:g} {unit} on the gear"
         return [f"**{head}**: nothing that was run rattles from there on.{alone}"]
     # A torque at some speeds alone would be taken for those between, too: peaks are narrow.
+    parts = [(int(i), int(i)) for i in np.flatnonzero(known)] if are_labels(values) \
+        else _parts(known)
     told = "; ".join(f"{_most(quiet[first:end + 1], torques)} {_range(values, first, end)} "
-                     f"{of}".rstrip() for first, end in _parts(known))
+                     f"{of}".rstrip() for first, end in parts)
     beyond = "" if known.all() else (
         f"; at {bands(values, ~known)} {of}".rstrip() + f" more than the {torques[-1]:g} {unit} "
         "looked at, or not known")
     head = f"By the {words}, from one start each" if chosen else f"Choose by the {words}"
+    if are_labels(values):
+        return [f"**{head}** (on the gear; from which on nothing that was run rattles): "
+                f"{told}{beyond}.{alone}"]
     return [f"**{head}** (on the gear; the most that is needed over each range, "
             f"from which on nothing that was run rattles): {told}{beyond}; beyond "
             f"{values[0]:g} and {values[-1]:g} {of}".rstrip() + f" nothing was looked at.{alone}"]
@@ -99,7 +105,9 @@ def _most(needed: NDArray[Any], torques: NDArray[Any]) -> str:
 
 
 def _range(values: NDArray[Any], first: int, end: int) -> str:
-    return f"at {values[first]:g}" if first == end else f"from {values[first]:g} to {values[end]:g}"
+    if first == end:
+        return f"at {value_words(values[first])}"
+    return f"from {values[first]:g} to {values[end]:g}"
 
 
 def choices(data: xr.Dataset) -> tuple[str, NDArray[Any], NDArray[Any]] | None:
@@ -138,10 +146,10 @@ def _above_full(data: xr.Dataset, begun: str) -> list[str]:
     head = "**Above T_full, from which on the engaged motion keeps contact,** "
     if not seen.any():
         return [f"{head}none of {plural(int(known.sum()), 'run')} {begun} rattles."]
-    at = data[other].values[seen.any(axis=0)]
+    at, flags = data[other].values, seen.any(axis=0)
     return [f"{head}{int(seen.sum())} of {plural(int(known.sum()), 'run')} {begun} rattle all the "
-            f"same, at {parameter_words(other)} {at[0]:g}" + f" to {at[-1]:g}" * (at.size > 1)
-            + f" {parameter_unit(other)}".rstrip() + ": the start decides there."]
+            f"same, at {parameter_words(other)} {span(at[flags], parameter_unit(other))}: the "
+            "start decides there."]
 
 
 def full_along(data: xr.Dataset, other: str) -> NDArray[Any] | None:
@@ -154,19 +162,25 @@ def full_along(data: xr.Dataset, other: str) -> NDArray[Any] | None:
 
 def span_words(data: xr.Dataset, name: str) -> str:
     """An axis and its ends: 'pinion speed 200 to 3000 rpm'."""
-    values = data[name].values
-    return (f"{parameter_words(name)} {values[0]:g}" + f" to {values[-1]:g}" * (values.size > 1)
-            + f" {parameter_unit(name)}").rstrip()
+    return f"{parameter_words(name)} {span(data[name].values, parameter_unit(name))}"
 
 
 def last_seen(data: xr.Dataset, where: NDArray[Any]) -> str:
-    """The last value along y at which something was seen, and where along x."""
-    y, x = str(data.attrs["y_parameter"]), str(data.attrs["x_parameter"])
+    """The last value along y at which something was seen, and where along x; see `sides_of`."""
+    x, y = sides_of(data)
     seen = data["status"].copy(data=where).transpose(y, x).values
     values, columns = data[y].values, data[x].values
     last = np.nonzero(seen.any(axis=1))[0][-1]
     at = columns[seen[last]]
     return (f"{parameter_words(y)} {values[last]:g} {parameter_unit(y)}".rstrip()
             + " (the last one looked at)" * bool(last == values.size - 1)
-            + f", there at {parameter_words(x)} {at[0]:g}"
-            + f" to {at[-1]:g}" * bool(at[-1] > at[0]) + f" {parameter_unit(x)}".rstrip())
+            + f", there at {parameter_words(x)} {span(at, parameter_unit(x))}")
+
+
+def sides_of(data: xr.Dataset) -> tuple[str, str]:
+    """The parameters drawn to the right and upwards; the other way where upwards are labels.
+
+    What is last along the second is worth telling of numbers alone.
+    """
+    x, y = (str(data.attrs[f"{side}_parameter"]) for side in "xy")
+    return (y, x) if are_labels(data[y].values) else (x, y)

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from lapwing.base.arrivals import arrivals_in
 from lapwing.base.codes import Status
-from lapwing.base.quantities import SHARES
-from lapwing.report.map.findings import choices, full_along, last_seen, span_words
+from lapwing.base.quantities import SHARES, are_labels, value_words
+from lapwing.report.map.findings import choices, full_along, last_seen, sides_of, span_words
 from lapwing.report.words import (
     markdown,
     parameter_unit,
@@ -109,7 +109,7 @@ def _place(data: xr.Dataset, at: int) -> str:
     """Values of both parameters in a run."""
     index = dict(zip(data["status"].dims, np.unravel_index(at, data["status"].shape), strict=True))
     names = (str(data.attrs[f"{side}_parameter"]) for side in "xy")
-    return " and ".join(f"{parameter_words(name)} {data[name].values[index[name]]:g} "
+    return " and ".join(f"{parameter_words(name)} {value_words(data[name].values[index[name]])} "
                         f"{parameter_unit(name)}".rstrip() for name in names)
 
 
@@ -137,7 +137,7 @@ def _reach(data: xr.Dataset, where: NDArray[Any]) -> str:
 
 def _table(data: xr.Dataset) -> list[str]:
     """Some columns of the plane: how far up rattling was seen, T_full, the torque to choose."""
-    x, y = str(data.attrs["x_parameter"]), str(data.attrs["y_parameter"])
+    x, y = sides_of(data)
     values, columns = data[y].values, data[x].values
     order = (y, x)
     seen = map_separates(data).transpose(*order).values
@@ -153,9 +153,10 @@ def _table(data: xr.Dataset) -> list[str]:
              f"last separation seen{unit_y}", *[f"T_full{unit_y}"] * bool(full),
              *[f"choose at least{unit_y}"] * bool(least),
              "values with a result")]
-    for i in np.unique(np.linspace(0, columns.size - 1, TABLE_LINES).round().astype(int)):
+    lines = columns.size if are_labels(columns) else TABLE_LINES
+    for i in np.unique(np.linspace(0, columns.size - 1, lines).round().astype(int)):
         last = [_last(values, one[:, i] & known[:, i], known[:, i]) for one in (back, seen)]
-        rows.append((f"{columns[i]:g}", *last, *full[i:i + 1], *least[i:i + 1],
+        rows.append((value_words(columns[i]), *last, *full[i:i + 1], *least[i:i + 1],
                      f"{int(known[:, i].sum())} of {values.size}"))
     return markdown(rows)
 

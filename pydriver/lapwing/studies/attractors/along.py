@@ -95,7 +95,7 @@ def attractors_along(pair: GearPair, te: TransmissionError, *, values: Any,
     taken = Refusals()
     taken.take(arguments.instance, "pair", pair, GearPair)
     taken.take(arguments.instance, "te", te, TransmissionError)
-    taken.take(arguments.choice, "parameter", parameter, parameters())
+    taken.take(arguments.choice, "parameter", parameter, parameters(te))
     numbers = taken.take(arguments.reals, "values", values, ndim=1)
     for name, value, most in (("runs", runs, MOST_STARTS), ("seed", seed, 2**31 - 2)):
         taken.take(arguments.whole, name, value, int(name == "runs"), most)

@@ -299,7 +299,7 @@ def _checked(pair: Any, te: Any, parameter: Any, low: Any, high: Any, starts: An
     taken = Refusals()
     taken.take(arguments.instance, "pair", pair, GearPair)
     taken.take(arguments.instance, "te", te, TransmissionError)
-    taken.take(arguments.choice, "parameter", parameter, parameters())
+    taken.take(arguments.choice, "parameter", parameter, parameters(te))
     if starts is not None:
         taken.take(arguments.instance, "starts", starts, StartGrid)
     ends = [taken.take(arguments.real, name, value) for name, value in

@@ -30,7 +30,7 @@ def checked_pair(pair: GearPair, te: TransmissionError, parameter: str) -> None:
     """Refuse what is no pair, no transmission error, or no parameter."""
     arguments.instance("pair", pair, GearPair)
     arguments.instance("te", te, TransmissionError)
-    arguments.choice("parameter", parameter, parameters())
+    arguments.choice("parameter", parameter, parameters(te))
 
 
 def checked(pair: GearPair, te: TransmissionError, parameter: str, starts: StartGrid | None,

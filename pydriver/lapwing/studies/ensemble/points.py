@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,12 +53,12 @@ class Cloud(Grid):
         if not self.besides:
             return {}
         found = np.empty(stop - first)
-        of: dict[tuple[float, ...], float] = {}
+        of: dict[tuple[Any, ...], float] = {}
         for run in range(first, stop):
             each()
             osc = self.oscillator(run)
             # The critical force follows from these alone; a drawn backlash moves none.
-            key = osc.damping_ratio, osc.mesh_frequency_ratio, osc.te_scale
+            key = osc.damping_ratio, osc.mesh_frequency_ratio, osc.te_scale, osc.te
             if key not in of:
                 try:
                     of[key] = critical_force(osc).force

@@ -30,6 +30,7 @@ from lapwing.studies.ensemble.statistics import Sample
 from lapwing.studies.map.cut import shard_size
 from lapwing.studies.map.shards import Job, check_settings
 from lapwing.studies.map.work import carry_out
+from lapwing.studies.sweep.curves import curves_of
 from lapwing.studies.sweep.varied import OF_CURVE, parameters
 
 if TYPE_CHECKING:
@@ -54,9 +55,9 @@ def ensemble(pair: GearPair, te: TransmissionError, draws: Mapping[str, Any], *,
     ----------
     pair : GearPair
     te : TransmissionError
-    draws : mapping of parameter -> `Draw`, each an operating parameter of `GearPair.oscillator` or
-        a number of the pair; or of parameter -> array (n,), the values of n runs, of which nothing
-        is said beyond them
+    draws : mapping of parameter -> `Draw`, each an operating parameter of `GearPair.oscillator`, a
+        number of the pair or an amplitude of a harmonic series (`harmonic_amplitude_2`, rad); or of
+        parameter -> array (n,), the values of n runs, of which nothing is said beyond them
     sampling : 'sobol', 'latin_hypercube' or 'random'
     runs : int; over scrambles as many in each, with 'sobol' a power of two in each
     scrambles : int, independent ones, 16 or more, from which intervals follow; not with 'random'
@@ -145,7 +146,7 @@ def plan_of(pair: GearPair, te: TransmissionError, draws: Any, *, sampling: str,
     taken = Refusals()
     taken.take(arguments.instance, "pair", pair, GearPair)
     taken.take(arguments.instance, "te", te, TransmissionError)
-    given, listed = _draws(draws, operation, taken)
+    given, listed = _draws(draws, te, operation, taken)
     check_settings(taken, settle, record, phase, numerics, shard_runs)
     matrix = _sampling(taken, given, listed, sampling=sampling, runs=runs, scrambles=scrambles,
                        seed=seed, correlation=correlation, sensitivity_draws=sensitivity_draws)
@@ -164,7 +165,7 @@ def plan_of(pair: GearPair, te: TransmissionError, draws: Any, *, sampling: str,
         shares = sensitivity_shares(int(sensitivity_draws or 0), len(given), scrambles, seed)
         values = {name: np.concatenate([values[name], more])
                   for name, more in drawn(given, shares).items()}
-    cloud = Cloud(pair, te, values, "run", operation)
+    cloud = Cloud(pair, curves_of(te), values, "run", operation)
     if cloud.runs > MAX_INT:
         raise ValueError(f"ensemble: {cloud.runs} runs, expected at most {MAX_INT}")
     cloud.check_corners("ensemble")
@@ -174,7 +175,7 @@ def plan_of(pair: GearPair, te: TransmissionError, draws: Any, *, sampling: str,
     return Plan(job, sample, Sample(extra, int(scrambles)), given, told)
 
 
-def _draws(draws: Any, operation: dict[str, Any],
+def _draws(draws: Any, te: object, operation: dict[str, Any],
            taken: Refusals) -> tuple[dict[str, Draw], dict[str, NDArray[np.float64]]]:
     """The draws, or the values listed; one of the two is empty."""
     if not isinstance(draws, Mapping) or not draws:
@@ -182,7 +183,7 @@ def _draws(draws: Any, operation: dict[str, Any],
                                               "{parameter: values}"))
         return {}, {}
     for name in draws:
-        taken.take(arguments.choice, "draws", name, parameters())
+        taken.take(arguments.choice, "draws", name, parameters(te))
         if operation.get(name) is not None:
             taken.problems.append(arguments.wrong(name, operation[name], "none beside its draw"))
     if set(OF_CURVE) <= set(draws):

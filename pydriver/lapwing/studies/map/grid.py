@@ -11,18 +11,20 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from lapwing.base.quantities import CURVE
 from lapwing.engine import Points
 from lapwing.engine.points import NUMBERS
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.oscillator import Oscillator
 from lapwing.model.transmission_error import TransmissionError
+from lapwing.studies.sweep.curves import Curves, varies_curve
 from lapwing.studies.sweep.varied import OF_PAIR, force_per_deflection, moved_to, points_at
 
 
 class Crossings:
     """Crossing points of axes, counted line by line: along the last of `order` first."""
 
-    axes: Mapping[str, NDArray[np.float64]]
+    axes: Mapping[str, NDArray[Any]]
 
     @cached_property
     def order(self) -> tuple[str, ...]:
@@ -54,16 +56,16 @@ class Grid(Crossings):
     Attributes
     ----------
     pair : GearPair
-    te : TransmissionError
-    axes : dict of parameter -> array of its values, rising
+    te : TransmissionError, or Curves
+    axes : dict of parameter -> array of its values, rising; of `te` labels of `Curves`
     line : str, the axis along which runs follow each other
     operation : dict, the other arguments of `GearPair.oscillator`
     kind : str, of the study
     """
 
     pair: GearPair
-    te: TransmissionError
-    axes: Mapping[str, NDArray[np.float64]]
+    te: TransmissionError | Curves
+    axes: Mapping[str, NDArray[Any]]
     line: str
     operation: Mapping[str, Any]
     kind: ClassVar[str] = "map"
@@ -73,7 +75,7 @@ class Grid(Crossings):
         """Axes in the order in which runs are counted, the fastest last."""
         return (*(name for name in self.axes if name != self.line), self.line)
 
-    def values(self, first: int, stop: int) -> dict[str, NDArray[np.float64]]:
+    def values(self, first: int, stop: int) -> dict[str, NDArray[Any]]:
         """Values of each parameter in the runs from `first` up to `stop`."""
         at = np.unravel_index(np.arange(first, stop), self.shape)
         return {name: self.axes[name][places] for name, places in zip(self.order, at, strict=True)}
@@ -104,7 +106,8 @@ class Grid(Crossings):
         ValueError
             of the first such oscillator; `who` is the call that is told to be wrong.
         """
-        ends = [sorted({float(values.min()), float(values.max())}) for values in self.axes.values()]
+        ends = [values if name == CURVE else sorted({float(values.min()), float(values.max())})
+                for name, values in self.axes.items()]
         for corner in product(*ends):
             oscillator = self.at(dict(zip(self.axes, corner, strict=True)))
             if oscillator.gap == "one_flank" and oscillator.force < 0:
@@ -113,10 +116,8 @@ class Grid(Crossings):
 
     def at(self, values: Mapping[str, Any]) -> Oscillator:
         """The oscillator at such values of the parameters."""
-        pair, operation = self.pair, dict(self.operation)
-        for name, value in values.items():
-            pair, operation = moved_to(pair, self.te, name, float(value), operation)
-        return pair.oscillator(self.te, **operation)
+        pair, te, operation = moved_to(self.pair, self.te, values, self.operation)
+        return pair.oscillator(te, **operation)
 
     def oscillator(self, run: int) -> Oscillator:
         """The oscillator of one run, to the last bit of its `points`."""
@@ -130,5 +131,5 @@ class Grid(Crossings):
 
 def fastest_axis(axes: Mapping[str, Any]) -> str:
     """The last axis that moves one number of an oscillator alone, else the last."""
-    cheap = [name for name in axes if name not in OF_PAIR]
+    cheap = [name for name in axes if name not in OF_PAIR and not varies_curve(name)]
     return (cheap or list(axes))[-1]

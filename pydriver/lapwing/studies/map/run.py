@@ -7,11 +7,9 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from lapwing.base import arguments
 from lapwing.base.arguments import MAX_INT, Refusals
-from lapwing.base.quantities import OBSERVED, worded
+from lapwing.base.quantities import CURVE, OBSERVED, curve_clash, worded
 from lapwing.engine import Numerics
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.transmission_error import TransmissionError
@@ -19,6 +17,7 @@ from lapwing.studies.map.cut import shard_size
 from lapwing.studies.map.grid import Grid, fastest_axis
 from lapwing.studies.map.shards import Job, check_settings
 from lapwing.studies.map.work import Found, carry_out, numbers_of
+from lapwing.studies.sweep.curves import taken_axes
 from lapwing.studies.sweep.varied import parameters
 
 if TYPE_CHECKING:
@@ -44,11 +43,13 @@ def parameter_map(pair: GearPair, te: TransmissionError, axes: Mapping[str, Any]
     pair : GearPair
     te : TransmissionError
     axes : mapping of parameter -> array (n,) of values, two or more, each an operating parameter of
-        `GearPair.oscillator` or a number of the pair; sorted and without repeats in the result
+        `GearPair.oscillator`, a number of the pair, or the amplitude of a term of a harmonic series
+        (`harmonic_amplitude_2`, rad; terms count from 1); sorted and without repeats in the result.
+        Or `te`, and label -> TransmissionError: curves that stand for `te`, told by their labels
     line : str or None, the parameter along which motions are carried; with 'rest' it decides
         nothing. Default: the last one
     start : 'rest' (each run from rest), 'up' or 'down' (each value of `line` from where the next
-        lower or higher one ended, the first from rest)
+        lower or higher one ended, the first from rest; not along `te`, whose values have no order)
     settle, record : int, mesh cycles before recording (>= 0), and recorded (>= 1)
     phase : float, mesh phase at the start
     numerics : Numerics or None; default: rtol 1e-6
@@ -112,25 +113,27 @@ def job_of(pair: GearPair, te: TransmissionError, axes: Any, *, line: str | None
     taken = Refusals()
     taken.take(arguments.instance, "pair", pair, GearPair)
     taken.take(arguments.instance, "te", te, TransmissionError)
-    values = {}
     if not isinstance(axes, Mapping) or len(axes) < 2:
         taken.problems.append(arguments.wrong("axes", axes, "two or more: {parameter: values}"))
         axes = {}
     for name in axes:
         if name in operation:
             taken.problems.append(arguments.wrong(name, operation[name], "none beside its axis"))
-        if taken.take(arguments.choice, "axes", name, parameters()) is not None:
-            values[name] = taken.take(arguments.reals, name, axes[name])
+        taken.take(arguments.choice, "axes", name, parameters(te, curves=True))
+    values, curves = taken_axes(taken, te, axes)
+    if curve_clash(axes):
+        taken.problems.append(f"axes: {curve_clash(axes)}")
     taken.take(arguments.choice, "start", start, STARTS)
     if line is not None:
         taken.take(arguments.choice, "line", line, tuple(values))
     observed = taken.take(arguments.choices, "observe", observe, tuple(OBSERVED))
     check_settings(taken, settle, record, phase, numerics, shard_runs)
     taken.raise_if_any("parameter_map")
-    values = {name: np.unique(one) for name, one in values.items()}
-    if start == "rest":
-        line = fastest_axis(values)
-    grid = Grid(pair, te, values, line or list(values)[-1], operation)
+    line = fastest_axis(values) if start == "rest" else line or list(values)[-1]
+    if start != "rest" and line == CURVE:
+        raise ValueError(f"parameter_map: start = {start!r}: nothing is carried along 'te', whose "
+                         "values have no order; expected 'rest', or another line")
+    grid = Grid(pair, curves, values, line, operation)
     if grid.runs > MAX_INT:
         raise ValueError(f"parameter_map: {grid.runs} runs, expected at most {MAX_INT}")
     if grid.length > MAX_INT // 8:

@@ -22,12 +22,12 @@ from lapwing.base.codes import Status
 from lapwing.base.quantities import OBSERVED
 from lapwing.base.threads import worker_threads
 from lapwing.engine import Numerics
-from lapwing.model.transmission_error.algebra import parts_of
 from lapwing.results.shards import Shard, inputs_digest, read_shard, write_shard
 from lapwing.studies.labels import settings
 from lapwing.studies.map.grid import Grid
 from lapwing.studies.map.observed import KEPT, kept, observations, wanted
 from lapwing.studies.map.task import Dropped, Made, Task
+from lapwing.studies.sweep.curves import curves_of
 
 # Where a line begins.
 REST = (engine.REST, 0.0, 0.0)
@@ -133,7 +133,7 @@ class Job(Task):
             "line": grid.line, "start": self.start, "settle": self.settle, "record": self.record,
             "phase": self.phase, "numerics": asdict(self.numerics),
             "shard_runs": self.shard_runs, "observe": self.observe},
-            *grid.axes.values(), *parts_of(grid.te))
+            *grid.axes.values(), *curves_of(grid.te).parts())
 
 
 def check_settings(taken: Refusals, settle: Any, record: Any, phase: Any, numerics: Any,

@@ -18,6 +18,7 @@ from lapwing.studies.again import Again, moved_again
 from lapwing.studies.labels import own_operation
 from lapwing.studies.map.run import job_of, parameter_map
 from lapwing.studies.map.shards import Job
+from lapwing.studies.sweep.curves import Curves
 from lapwing.studies.sweep.varied import oscillator_at
 
 if TYPE_CHECKING:
@@ -80,14 +81,15 @@ def again(deck: Deck, study: Asked, index: int) -> Again:
     return Again(
         moved_again(points, grid.oscillator(run), before, made.numerics, settle=made.settle,
                     record=made.record, phase=made.phase, bounces=False),
-        {name: float(values[where[name]]) for name, values in grid.axes.items()})
+        {name: values[where[name]].item() for name, values in grid.axes.items()})
 
 
 def _arguments(deck: Deck, study: Asked) -> dict[str, Any]:
     """What a deck says of a map, as `parameter_map` takes it."""
-    return {"pair": deck.gear_pair, "te": deck.te, "axes": study.axes, "line": study.y_parameter,
-            "start": study.start, "settle": study.settle_cycles, "record": study.record_cycles,
-            "phase": deck.numerics["start_phase"], "numerics": Numerics(**deck.numerics_of(study)),
+    return {"pair": deck.gear_pair, "te": deck.te, "axes": deck.axes_of(study, study.axes),
+            "line": study.y_parameter, "start": study.start, "settle": study.settle_cycles,
+            "record": study.record_cycles, "phase": deck.numerics["start_phase"],
+            "numerics": Numerics(**deck.numerics_of(study)),
             "shard_runs": study.shard_runs, "observe": tuple(study.observe or ()),
             **study.operation}
 
@@ -100,8 +102,9 @@ def _full_engagement(deck: Deck, study: Asked) -> dict[str, Any]:
         return {}
     other = next(name for name in study.axes if name != "brake_torque")
     found = np.full(len(study.axes[other]), np.nan)
+    curves = Curves(deck.te, deck.curves_of(study))
     for i, value in enumerate(study.axes[other]):
-        osc = oscillator_at(deck.gear_pair, deck.te, other, value,
+        osc = oscillator_at(deck.gear_pair, curves, other, value,
                             {**study.operation, "brake_torque": 1.0})
         try:
             found[i] = critical_torque(osc)[0]
@@ -121,7 +124,8 @@ def estimate(deck: Deck, study: Asked, seconds: float, clock: Callable[[], float
 
     def tried(part: NDArray[Any]) -> None:
         job_of(**_arguments(deck, study) | {
-            "axes": {study.x_parameter: part, study.y_parameter: some}, "start": "rest",
+            "axes": deck.axes_of(study, {study.x_parameter: part, study.y_parameter: some}),
+            "start": "rest",
             "shard_runs": part.size * some.size}).carried_out(0)
 
     low, high, count = cost.rates(tried, columns, seconds, clock)

@@ -22,7 +22,7 @@ MOST_KEPT = 16
 
 
 def dataset(data: dict[str, tuple[Any, NDArray[Any]]], starts: tuple[str, ...], parameter: str,
-            values: NDArray[np.float64], attrs: dict[str, Any]) -> xr.Dataset:
+            values: NDArray[Any], attrs: dict[str, Any]) -> xr.Dataset:
     """Dataset over `start` and the parameter, its variables with units and long names.
 
     Parameters
@@ -33,14 +33,14 @@ def dataset(data: dict[str, tuple[Any, NDArray[Any]]], starts: tuple[str, ...], 
     """
     columns = tuple((name, dims if isinstance(dims, tuple) else (dims,), array.shape, array.dtype)
                     for name, (dims, array) in data.items())
-    made = _form(starts, parameter, values.tobytes(), columns).copy(
+    made = _form(starts, parameter, values.tobytes(), values.dtype, columns).copy(
         data={name: array for name, (_, array) in data.items()})
     made.attrs = attrs
     return made
 
 
 @lru_cache(maxsize=MOST_KEPT)
-def _form(starts: tuple[str, ...], parameter: str, values: bytes,
+def _form(starts: tuple[str, ...], parameter: str, values: bytes, kind: np.dtype[Any],
           columns: tuple[tuple[str, tuple[str, ...], tuple[int, ...], np.dtype[Any]], ...]
           ) -> xr.Dataset:
     """The same without data: zeros that take no memory stand for them."""
@@ -48,4 +48,5 @@ def _form(starts: tuple[str, ...], parameter: str, values: bytes,
 
     nothing = {name: (dims, np.broadcast_to(np.zeros((), dtype), shape))
                for name, dims, shape, dtype in columns}
-    return worded(xr.Dataset(nothing, {"start": list(starts), parameter: np.frombuffer(values)}))
+    return worded(xr.Dataset(nothing, {"start": list(starts),
+                                       parameter: np.frombuffer(values, kind)}))

@@ -7,13 +7,13 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from lapwing import engine
 from lapwing.base import arguments, estimates
 from lapwing.base.arguments import Refusals
 from lapwing.base.codes import EventKind, Status
-from lapwing.base.quantities import NUMBERS, worded
+from lapwing.base.quantities import CURVE, NUMBERS, worded
 from lapwing.base.threads import checked_threads, usable_threads
 from lapwing.engine import Wanted, chosen, numbers, work_counts
 from lapwing.engine.records import CLASS, CYCLE, IMPACT_TABLE, STROBED
@@ -23,6 +23,7 @@ from lapwing.studies import mean_rotation
 from lapwing.studies.labels import settings
 from lapwing.studies.period import NO_PERIOD, class_name
 from lapwing.studies.stability import CycleMaps, findings, growth
+from lapwing.studies.sweep.curves import taken_axes
 from lapwing.studies.sweep.form import dataset
 from lapwing.studies.sweep.shards import SweepJob
 from lapwing.studies.sweep.varied import Varied, parameters
@@ -41,7 +42,7 @@ SPEED_BINS, SPEED_DECADES = 160, 4
 
 @arguments.complete(operation=GearPair.oscillator, varied="parameter")
 def sweep(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torque",
-          values: ArrayLike, starts: Sequence[str] = STARTS, settle: int = 400,
+          values: Any, starts: Sequence[str] | None = None, settle: int = 400,
           record: int = 100, observe: Sequence[str] = ("cycles",), phase: float = 0.0,
           method: str = "auto", rtol: float = 1e-6, chatter_tol: float | None = None,
           count_depth: float = 0.01, max_impacts: int = 2000, max_events_per_cycle: int = 1_000_000,
@@ -54,11 +55,14 @@ def sweep(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torq
     ----------
     pair : GearPair
     te : TransmissionError
-    parameter : str, the parameter swept: an operating parameter of `GearPair.oscillator` or a
-        number of the pair itself
-    values : array (n,); sorted and without repeats in the result
+    parameter : str, the parameter swept: an operating parameter of `GearPair.oscillator`, a number
+        of the pair itself, 'harmonic_amplitude_2' and its like (rad), the amplitude of that term of
+        `TransmissionError.harmonic`, from 1, or 'te', the transmission error itself
+    values : array (n,); sorted and without repeats in the result. Of 'te' a mapping of label ->
+        TransmissionError, which stand for `te`; the result names them by their labels, in order
     starts : of 'rest' (each value from rest), 'up' and 'down' (each value from where the next
-        lower or higher one ended)
+        lower or higher one ended); default: all of them, of 'te', whose values have no order,
+        'rest', the only one
     settle, record : int, mesh cycles before recording (>= 0), and recorded (>= 1)
     observe : of 'cycles' (statistics of each recorded cycle), 'impacts' (phase and speed of up to
         `max_impacts` recorded impacts), 'exponents' (Lyapunov exponents of every motion, Floquet
@@ -135,16 +139,17 @@ def sweep(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torq
     return dataset_of(job, result, further)
 
 
-def job_of(pair: GearPair, te: TransmissionError, *, parameter: str, values: ArrayLike,
-           starts: Sequence[str], settle: int, record: int, observe: Sequence[str], phase: float,
-           method: str = "auto", rtol: float = 1e-6, chatter_tol: float | None = None,
+def job_of(pair: GearPair, te: TransmissionError, *, parameter: str, values: Any,
+           starts: Sequence[str] | None, settle: int, record: int, observe: Sequence[str],
+           phase: float, method: str = "auto", rtol: float = 1e-6, chatter_tol: float | None = None,
            count_depth: float = 0.01, max_impacts: int = 2000,
            max_events_per_cycle: int = 1_000_000, max_steps_per_cycle: int = 10_000_000,
            numerics: Numerics | None = None, progress: Callable[[float], None] | None = None,
            keep_interrupted: bool = False, **operation: Any) -> SweepJob:
     """The checked arguments of `sweep`, or every problem at once."""
-    values, starts, observe = _check(pair, te, parameter, values, starts, settle, record, observe,
-                                     max_impacts, phase, progress, keep_interrupted)
+    values, curves, starts, observe = _check(
+        pair, te, parameter, values, starts, settle, record, observe, max_impacts, phase, progress,
+        keep_interrupted)
     numerics = chosen(
         numerics, method=(method, "auto"), rtol=(rtol, 1e-6), chatter_tol=(chatter_tol, None),
         count_depth=(count_depth, 0.01),
@@ -152,8 +157,8 @@ def job_of(pair: GearPair, te: TransmissionError, *, parameter: str, values: Arr
         max_steps_per_cycle=(max_steps_per_cycle, 10_000_000))
     wanted = Wanted(cycles="cycles" in observe, strobe=True, impacts="impacts" in observe,
                     tangent="exponents" in observe)
-    job = SweepJob(pair, te, parameter, values, starts, int(settle), int(record), int(max_impacts),
-                   float(phase), operation, numerics, wanted,
+    job = SweepJob(pair, curves, parameter, values, starts, int(settle), int(record),
+                   int(max_impacts), float(phase), operation, numerics, wanted,
                    tuple(one for one in ("spectra", "amplitudes") if one in observe))
     estimates.require(
         estimates.sweep_bytes(job.grid.runs, job.record, True, job.wanted.impacts,
@@ -190,17 +195,22 @@ def dataset_of(job: SweepJob, result: SweepResult,
     return worded(data)
 
 
-def _check(pair: GearPair, te: TransmissionError, parameter: str, values: ArrayLike,
-           starts: Sequence[str], settle: int, record: int, observe: Sequence[str],
+def _check(pair: GearPair, te: TransmissionError, parameter: str, values: Any,
+           starts: Sequence[str] | None, settle: int, record: int, observe: Sequence[str],
            max_impacts: int, phase: float, progress: Callable[[float], None] | None,
-           keep_interrupted: bool) -> tuple[NDArray[Any], tuple[str, ...], tuple[str, ...]]:
-    """Sorted values, starts and records, or every problem at once."""
+           keep_interrupted: bool) -> tuple[NDArray[Any], Any, tuple[str, ...], tuple[str, ...]]:
+    """Sorted values, the curves they mean, starts and records, or every problem at once."""
     taken = Refusals()
     taken.take(arguments.instance, "pair", pair, GearPair)
     taken.take(arguments.instance, "te", te, TransmissionError)
-    taken.take(arguments.choice, "parameter", parameter, parameters())
-    numbers = taken.take(arguments.reals, "values", values)
+    taken.take(arguments.choice, "parameter", parameter, parameters(te, curves=True))
+    axes, curves = taken_axes(taken, te, {parameter: values}, "values")
+    if starts is None:
+        starts = STARTS if parameter != CURVE else ("rest",)
     begun = taken.take(arguments.choices, "starts", starts, STARTS, least=1)
+    if parameter == CURVE and begun and set(begun) - {"rest"}:
+        taken.problems.append("starts: nothing is carried along 'te', whose values have no order; "
+                              "expected 'rest'")
     observed = taken.take(arguments.choices, "observe", observe, RECORDS)
     for key, given, least in (("settle", settle, 0), ("record", record, 1),
                               ("max_impacts", max_impacts, 1)):
@@ -213,7 +223,7 @@ def _check(pair: GearPair, te: TransmissionError, parameter: str, values: ArrayL
         if observed and table in observed and "cycles" not in observed:
             taken.problems.append(f"observe: {table!r} wants 'cycles' beside it")
     taken.raise_if_any("sweep")
-    return np.unique(numbers), begun, observed
+    return axes[parameter], curves, begun, observed
 
 
 def _lines(starts: tuple[str, ...], n: int) -> NDArray[Any]:
@@ -312,10 +322,11 @@ def _speed_edges(oscillators: Varied) -> NDArray[Any]:
     That is the speed of a fall through the gap and twice the flank's fastest, both ways.
     """
     phase, points, shared = np.arange(1000) / 1000, oscillators.points, oscillators[0]
-    steepest: float = np.abs(shared.te.derivative(1, phase)).max()
+    steepest = np.array([np.abs(te.derivative(1, phase)).max() for te in points.curves])
     fall = points.backlash * (1.0 if shared.gap == "one_sided" else 2.0)
     speeds = np.sqrt(2 * np.abs(points.force) * fall) \
-        + 4 * np.abs(points.flank_scale) * steepest / (2 * np.pi / points.mesh_frequency_ratio)
+        + 4 * np.abs(points.flank_scale) * steepest[points.curve] \
+        / (2 * np.pi / points.mesh_frequency_ratio)
     fastest = float(speeds.max()) or 1.0
     return fastest * np.logspace(-SPEED_DECADES, 0, SPEED_BINS + 1)
 

@@ -23,20 +23,18 @@ from lapwing.engine.records import (
     tangent_table,
 )
 from lapwing.engine.sweeps import SweepResult
-from lapwing.model.transmission_error.algebra import parts_of
-from lapwing.results.shards import inputs_digest
+from lapwing.results.shards import Shard, inputs_digest
 from lapwing.studies.map.cut import CYCLES, Cut, Cuts, shard_size
 from lapwing.studies.map.shards import REST, handed_over, told_of
 from lapwing.studies.map.task import Made, Task
 from lapwing.studies.sweep import amplitudes, waterfall
+from lapwing.studies.sweep.curves import Curves, curves_of
 from lapwing.studies.sweep.varied import Varied, force_per_deflection
 
 if TYPE_CHECKING:
     from lapwing.engine.numerics import Numerics
     from lapwing.model.gear_pair import GearPair
     from lapwing.model.transmission_error import TransmissionError
-    from lapwing.model.transmission_error.algebra import parts_of
-from lapwing.results.shards import Shard
 
 # Columns of a list of impacts, each a variable of a shard.
 IMPACTS = tuple(IMPACT_TABLE.names or ())
@@ -68,9 +66,9 @@ class SweepJob(Task):
     """
 
     pair: GearPair
-    te: TransmissionError
+    te: TransmissionError | Curves
     parameter: str
-    values: NDArray[np.float64]
+    values: NDArray[Any]
     starts: tuple[str, ...]
     settle: int
     record: int
@@ -130,7 +128,7 @@ class SweepJob(Task):
             **{one.name: getattr(self, one.name) for one in fields(self)
                if one.name not in ("pair", "te", "values", "numerics", "wanted")},
             "pair": asdict(self.pair), "numerics": asdict(self.numerics),
-            "wanted": asdict(self.wanted)}, self.values, *parts_of(self.te))
+            "wanted": asdict(self.wanted)}, self.values, *curves_of(self.te).parts())
 
     def prepare(self) -> None:
         """See `Task`."""
@@ -190,7 +188,7 @@ class SweepJob(Task):
                 numerics=self.numerics, threads=threads)
         if "amplitudes" in self.besides:
             each()
-            newtons = [force_per_deflection(self.pair, {self.parameter: float(self.values[place])})
+            newtons = [force_per_deflection(self.pair, {self.parameter: self.values[place]})
                        for place in places]
             found |= amplitudes.amplitudes(some, outcome, np.nan_to_num(
                 outcome["period"]).astype(np.int16), newtons, self.phase,

@@ -15,6 +15,7 @@ from lapwing.studies.critical.study import full_engagement
 from lapwing.studies.labels import own_operation
 from lapwing.studies.map.work import gather
 from lapwing.studies.sweep import amplitudes, waterfall
+from lapwing.studies.sweep.curves import Curves
 from lapwing.studies.sweep.run import dataset_of, job_of, sweep
 from lapwing.studies.sweep.shards import Gathered, SweepJob, is_large
 from lapwing.studies.sweep.varied import Varied
@@ -70,7 +71,8 @@ def _arguments(deck: Deck, study: Asked) -> dict[str, Any]:
                *["speeds"] * study.speed_density, *["spectra"] * study.order_spectra,
                *["amplitudes"] * study.amplitudes)
     return {"pair": deck.gear_pair, "te": deck.te, "parameter": study.parameter,
-            "values": study.values, "starts": study.starts, "settle": study.settle_cycles,
+            "values": deck.axes_of(study, {study.parameter: study.values})[study.parameter],
+            "starts": study.starts, "settle": study.settle_cycles,
             "record": study.record_cycles, "observe": observe,
             "phase": deck.numerics["start_phase"], **deck.numerics_of(study), **study.operation}
 
@@ -79,14 +81,15 @@ def again(deck: Deck, study: Asked, index: int) -> Again:
     """One point of a sweep once more, `index` counting as `status` of its results does."""
     start, at = divmod(index, len(study.values))
     begun = study.starts[start]
-    oscillators = Varied(deck.gear_pair, deck.te, study.parameter, study.values, study.operation)
+    oscillators = Varied(deck.gear_pair, Curves(deck.te, deck.curves_of(study)), study.parameter,
+                         study.values, study.operation)
     before = {"rest": range(0), "up": range(at),
               "down": range(len(study.values) - 1, at, -1)}[begun]
     return Again(
         moved_again(oscillators.points, oscillators[at], before,
                     Numerics(**deck.numerics_of(study)), settle=study.settle_cycles,
                     record=study.record_cycles, phase=deck.numerics["start_phase"]),
-        {"start": begun, study.parameter: float(study.values[at])})
+        {"start": begun, study.parameter: study.values[at].item()})
 
 
 def estimate(deck: Deck, study: Asked, seconds: float, clock: Any,

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lapwing.base.arguments import LEAST, MOST, wrong
+from lapwing.base.quantities import CURVE
 from lapwing.engine import Points
 from lapwing.model.gear_pair import SPEEDS, GearPair, Pairs, force_at, frequency_at
 from lapwing.model.oscillator import Oscillator
+from lapwing.studies.sweep.curves import Curves, curves_of, varies_curve
 
 if TYPE_CHECKING:
     from lapwing.model.transmission_error.table import TransmissionError
@@ -24,34 +26,45 @@ OF_CURVE = ("te_scale", "parabola_amplitude")
 OF_PAIR = tuple(field.name for field in fields(GearPair) if not field.name.endswith("_teeth"))
 
 
-def parameters() -> tuple[str, ...]:
-    """Names of the numbers that may be varied: of the pair, its operating point, the curve."""
-    return (*OF_PAIR, *TORQUES, *SPEEDS, *OF_CURVE)
+def parameters(te: object = None, curves: bool = False) -> tuple[str, ...]:
+    """Names of the numbers that may be varied: of the pair, its operating point, the curve.
+
+    Parameters
+    ----------
+    te : TransmissionError or None, of whose series each amplitude may be; None: none
+    curves : bool, whether `te` itself may, whose values are no numbers
+    """
+    terms = len(getattr(te, "harmonics", ()))
+    return (*OF_PAIR, *TORQUES, *SPEEDS, *OF_CURVE,
+            *(f"harmonic_amplitude_{i + 1}" for i in range(terms)), *(CURVE,) * curves)
 
 
-def oscillator_at(pair: GearPair, te: TransmissionError, parameter: str, value: float,
+def oscillator_at(pair: GearPair, te: TransmissionError | Curves, parameter: str, value: Any,
                   operation: Mapping[str, Any]) -> Oscillator:
     """Oscillator of one value of the parameter; `operation` holds the other arguments."""
-    pair, operation = moved_to(pair, te, parameter, value, operation)
-    return pair.oscillator(te, **operation)
+    pair, curve, operation = moved_to(pair, te, {parameter: value}, operation)
+    return pair.oscillator(curve, **operation)
 
 
-def moved_to(pair: GearPair, te: TransmissionError, parameter: str, value: float,
-             operation: Mapping[str, Any]) -> tuple[GearPair, dict[str, Any]]:
-    """Pair and operation with another value of a parameter.
+def moved_to(pair: GearPair, te: TransmissionError | Curves, values: Mapping[str, Any],
+             operation: Mapping[str, Any]) -> tuple[GearPair, TransmissionError, dict[str, Any]]:
+    """Pair, transmission error and operation with other values of some parameters.
 
     Raises
     ------
     ValueError
         where the operation has a value of its own.
     """
-    if operation.get(parameter) is not None:
-        raise ValueError(wrong(parameter, operation[parameter], "none beside the values of it"))
-    if parameter in OF_PAIR:
-        changed: dict[str, Any] = {parameter: float(value)}
-        return replace(pair, **changed), dict(operation)
-    name, factor = _in_operation(te, parameter, operation)
-    return pair, {**operation, name: factor * float(value)}
+    curves, own, at = curves_of(te), dict[str, Any](), dict(operation)
+    for name, value in values.items():
+        if at.get(name) is not None:
+            raise ValueError(wrong(name, at[name], "none beside the values of it"))
+        if name in OF_PAIR:
+            own[name] = float(value)
+        elif not varies_curve(name):
+            key, factor = _in_operation(curves.given, name, at)
+            at[key] = factor * float(value)
+    return replace(pair, **own), curves.at(values), at
 
 
 def _in_operation(te: TransmissionError, parameter: str,
@@ -74,26 +87,27 @@ def _in_operation(te: TransmissionError, parameter: str,
     return "te_scale", float(operation.get("te_scale", 1.0)) / amplitude
 
 
-def points_at(pair: GearPair, te: TransmissionError, values: Mapping[str, NDArray[np.float64]],
-              operation: Mapping[str, Any]) -> Points:
+def points_at(pair: GearPair, te: TransmissionError | Curves,
+              values: Mapping[str, NDArray[Any]], operation: Mapping[str, Any]) -> Points:
     """Numbers of many oscillators that differ in several parameters.
 
     Parameters
     ----------
     pair, te, operation : what they share
     values : parameter -> array (n,), n > 0; of each, least and greatest together are known to be
-        accepted by `oscillator_at`
+        accepted by `oscillator_at`, of labels each
     """
+    curves, curve = curves_of(te).each(values)
     own = {name: array for name, array in values.items() if name in OF_PAIR}
     at: dict[str, Any] = dict(operation)
     for name, array in values.items():
-        if name not in OF_PAIR:
-            key, factor = _in_operation(te, name, at)
+        if name not in OF_PAIR and not varies_curve(name):
+            key, factor = _in_operation(curves_of(te).given, name, at)
             at[key] = factor * array if factor != 1.0 else array
     first: dict[str, Any] = {name: float(array[0]) for name, array in own.items()}
     one: dict[str, Any] = {name: float(value[0]) if isinstance(value, np.ndarray) else value
                            for name, value in at.items()}
-    shared = replace(pair, **first).oscillator(te, **one)
+    shared = replace(pair, **first).oscillator(curves[0], **one)
     pairs: Any = Pairs(pair, own) if own else pair
     torques = {name: at.get(name) for name in TORQUES}
     speed = {name: at[name] for name in SPEEDS if at.get(name) is not None}
@@ -107,8 +121,10 @@ def points_at(pair: GearPair, te: TransmissionError, values: Mapping[str, NDArra
                "damping_ratio": pairs.xi, "restitution": pairs.restitution,
                "backlash": pairs.backlash, "mean_acceleration": drift}
     count = len(next(iter(values.values())))
-    return Points(shared, **{name: np.array(np.broadcast_to(np.asarray(number, dtype=float), count))
-                             for name, number in numbers.items()})
+    every: dict[str, Any] = {
+        name: np.array(np.broadcast_to(np.asarray(number, dtype=float), count))
+        for name, number in numbers.items()}
+    return Points(shared, **every, curves=curves, curve=curve)
 
 
 def force_per_deflection(pair: GearPair, values: Mapping[str, Any]) -> Any:
@@ -132,15 +148,16 @@ class Varied(Sequence[Oscillator]):
         (a ValueError) of the first oscillator that is refused.
     """
 
-    def __init__(self, pair: GearPair, te: TransmissionError, parameter: str, values: Any,
+    def __init__(self, pair: GearPair, te: TransmissionError | Curves, parameter: str, values: Any,
                  operation: Mapping[str, Any]) -> None:
         self._made: dict[int, Oscillator] = {}
         self._make: Callable[[int], Oscillator] = lambda i: oscillator_at(
             pair, te, parameter, values[i], operation)
         self._count = len(values)
         first = self[0]
-        if first.degrees_of_freedom == 1 and parameter not in OF_PAIR:
-            name, numbers, good = _moved(pair, te, parameter, values, operation)
+        if first.degrees_of_freedom == 1 and parameter not in OF_PAIR \
+                and not varies_curve(parameter):
+            name, numbers, good = _moved(pair, curves_of(te).given, parameter, values, operation)
             for i in np.flatnonzero(~good):
                 self[int(i)]
             self.points = Points.varied(first, name, numbers)
