@@ -57,6 +57,15 @@ def test_a_signal_when_all_is_said(tmp_path, place, code):
     assert done.returncode == code and "good" in done.stdout, done.stderr
 
 
+def test_the_command_is_one_thread(tmp_path):
+    """So the processes that draw for it can be forked."""
+    code = ("import os, sys\nfrom lapwing.__main__ import main\n"
+            f"sys.argv = ['lapwing', 'check', '--no-time', {str(write_deck(tmp_path))!r}]\n"
+            "try:\n    main()\nexcept SystemExit:\n    print(len(os.listdir('/proc/self/task')))")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "1", done
+
+
 def test_the_version_is_said_without_loading_a_command_line():
     code = ("import runpy, sys\n"
             "sys.argv = ['lapwing', '--version']\n"

@@ -34,12 +34,11 @@ def _carried_out() -> Any:
         if sys.argv[1:] == ["--version"]:  # one line, which needs no command line loaded
             print(console.version_line())
             return console.flush_streams(exit_codes.ExitCode.GOOD)
-        from lapwing import executors
-
-        executors.hide_dask()
         gc.disable()  # what is loaded stays
-        from lapwing.cli import called
+        from lapwing.cli import called  # first: it settles how many threads numpy begins
+        from lapwing.executors import hide_dask
 
+        hide_dask()
         gc.enable()
         signals.check()  # while modules are loaded a signal waits
         code = called()

@@ -17,8 +17,9 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lapwing.base.registry import STUDIES
 from lapwing.base.signals import SIGNALS
-from lapwing.plots import typeface
+from lapwing.plots import style
 
 if TYPE_CHECKING:
     from lapwing.plots import Problem, Task
@@ -321,7 +322,10 @@ def _bear(control: Connection, life: int, pdf: bool) -> None:
     # The text on every property of every class, a third of the time that matplotlib takes to load.
     vars(sys.modules["matplotlib.artist"])["kwdoc"] = lambda _: ""
     _load((*PRELOAD, *[PDF] * pdf))
-    typeface.families()
+    _load(tuple(f"lapwing.plots.{figure}" for study in STUDIES.values()
+                for figure in study.few or study.figures))
+    style.rehearse()
+    gc.collect()
     gc.freeze()
     with contextlib.suppress(EOFError, OSError):
         while True:

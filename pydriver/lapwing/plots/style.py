@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import math
 import re
 from collections.abc import Iterator
@@ -118,7 +119,7 @@ def save(figure: Figure, *paths: Any) -> None:
             figure.savefig(path, dpi=DPI, metadata=metadata)
 
 
-def _save_png(figure: Figure, path: Path) -> None:
+def _save_png(figure: Figure, path: Path | io.BytesIO) -> None:
     """Draw the pixels and write them without the alpha channel that they do not need."""
     from PIL import Image
 
@@ -132,6 +133,19 @@ def _save_png(figure: Figure, path: Path) -> None:
         for one in (axis.xaxis, axis.yaxis):
             middle = one.label.get_transform().transform(one.label.get_position())
             one.set_label_coords(*axis.transAxes.inverted().transform(middle))
+
+
+@house_style()
+def rehearse() -> None:
+    """Draw a figure into nothing: what the first one loads and looks up is there for the next."""
+    figure = new_figure(4, 3, rows=True)
+    axis = figure.subplots()
+    axis.plot([0, 1], [0, 1], label="rehearsal")
+    axis.legend()
+    axis.set_title("0123456789 −.")
+    second_scale(axis, "right", 2, "twice")
+    _place(figure)
+    _save_png(figure, io.BytesIO())
 
 
 def _place(figure: Figure) -> None:
