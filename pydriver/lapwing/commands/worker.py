@@ -81,8 +81,9 @@ def main() -> None:
 
 def _carry_out(send: Callable[..., None]) -> None:
     from lapwing import executors
-    from lapwing.base.threads import take_share
+    from lapwing.base.threads import share_of, take_share
     from lapwing.commands.decks import run_of
+    from lapwing.plots.pool import load_drawing
 
     executors.hide_dask()
 
@@ -108,6 +109,8 @@ def _carry_out(send: Callable[..., None]) -> None:
     while (order := orders.get()) is not None:
         working.set()
         deck, options = order
+        if options["figures"] != "none" and share_of(options["threads"]) == 1:  # it draws itself
+            load_drawing(options["figures"] == "all")
         said: list[tuple[str, str]] = []
         streams = sys.stdout, sys.stderr
         sys.stdout, sys.stderr = Heard("stdout", said), Heard("stderr", said)

@@ -304,6 +304,21 @@ def _signals_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
+def load_drawing(pdf: bool) -> None:
+    """Load what drawing takes into a process of Lapwing alone: matplotlib without its help texts.
+
+    Parameters
+    ----------
+    pdf : bool, whether PDFs are drawn
+    """
+    # Nothing is shown in a window, whatever a notebook wants.
+    os.environ["MPLBACKEND"] = "agg"
+    _load((*SHARED, "matplotlib.artist"))
+    # The text on every property of every class, a third of the time that matplotlib takes to load.
+    vars(sys.modules["matplotlib.artist"])["kwdoc"] = lambda _: ""
+    _load((*PRELOAD, *[PDF] * pdf))
+
+
 def born() -> None:
     """The life of a nursery that is a Python of its own; its numbers are arguments."""
     control, life, pdf = map(int, sys.argv[1:])
@@ -316,12 +331,7 @@ def _bear(control: Connection, life: int, pdf: bool) -> None:
         signal.signal(signum, signal.SIG_DFL)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the caller's matter
     signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
-    # Nothing is shown in a window, whatever a notebook wants.
-    os.environ["MPLBACKEND"] = "agg"
-    _load((*SHARED, "matplotlib.artist"))
-    # The text on every property of every class, a third of the time that matplotlib takes to load.
-    vars(sys.modules["matplotlib.artist"])["kwdoc"] = lambda _: ""
-    _load((*PRELOAD, *[PDF] * pdf))
+    load_drawing(pdf)
     _load(tuple(f"lapwing.plots.{figure}" for study in STUDIES.values()
                 for figure in study.few or study.figures))
     style.rehearse()

@@ -124,7 +124,8 @@ def _encoding(dataset: xr.Dataset) -> dict[Hashable, dict[str, Any]]:
     encoding: dict[Hashable, dict[str, Any]] = {}
     for name, variable in dataset.variables.items():
         small = variable.size <= COMPRESS_ABOVE or variable.dtype.kind not in "fiu"
-        packed: dict[str, Any] = {} if small else {"zlib": True, "complevel": 4, "shuffle": True}
+        # Level 1 takes half the time of 4 for files 5 % larger.
+        packed: dict[str, Any] = {} if small else {"zlib": True, "complevel": 1, "shuffle": True}
         if variable.dims and variable.size and variable.dtype.kind in "fiu":
             packed["fletcher32"] = True
         missing = variable.dtype.kind == "i" and np.any(variable.values == FAILED)
