@@ -187,7 +187,7 @@ def test_engaged_motion_after_the_end(method, damping_ratio):
     history = run.history(end + s)
     exact = 1 - np.exp(-damping_ratio * s) * (np.cos(omega * s)
                                               + damping_ratio / omega * np.sin(omega * s))
-    # Natural size of φ is F = 1; every step may err by rtol/256 of it, dense output included.  In
+    # Natural size of φ is F = 1; every step may err by rtol/96 of it, dense output included.  In
     # closed form it is as good as the time, which rounds by EPS of 250.
     error = {"rk4": RTOL, "exact": 2 * EPS * 300}[method]
     assert np.allclose(history["phi"], exact, rtol=0, atol=error)

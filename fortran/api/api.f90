@@ -4,7 +4,7 @@
 !>
 !> `flank` is a table, a column for each knot: mesh phase, rad per period**0 to 5, whether the slope
 !> jumps (1); or a harmonic series, a column for each term: order, amplitude (rad), shift, four
-!> zeros, -1.
+!> zeros, -1; or a table and behind it the series that it follows to rounding.
 module api
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   implicit none

@@ -74,26 +74,18 @@ contains
     type(curve_t), intent(out) :: data            !! the same
     integer, intent(out) :: error                      !! 0, or there is no memory for it
     integer :: pieces, terms
-    logical :: is_series
-    is_series = flank(8, 1) < 0
-    pieces = merge(1, size(flank, 2) - 1, is_series)
-    terms = merge(size(flank, 2), 1, is_series)
+    terms = count(flank(8, :) < 0)
+    pieces = max(0, size(flank, 2) - terms - 1)
     allocate (data%knots(pieces + 1), stat=error)
     if (error == 0) allocate (data%coefficients(0:5, pieces), stat=error)
     if (error == 0) allocate (data%kinks(pieces), stat=error)
-    if (error == 0) allocate (data%series(3, terms), stat=error)
+    if (error == 0) allocate (data%series(3, max(1, terms)), stat=error)
     if (error /= 0) return
-    if (is_series) then
-      data%knots(:) = [0.0_wp, 1.0_wp]
-      data%coefficients(:, :) = 0
-      data%kinks(:) = .false.
-      data%series(:, :) = flank(1:3, :)
-    else
-      data%knots(:) = flank(1, :)
-      data%coefficients(:, :) = flank(2:7, :pieces)
-      data%kinks(:) = flank(8, :pieces) > 0
-      data%series(:, 1) = [-1, 0, 0]
-    end if
+    data%knots(:) = flank(1, :pieces + 1)
+    data%coefficients(:, :) = flank(2:7, :pieces)
+    data%kinks(:) = flank(8, :pieces) > 0
+    data%series(:, 1) = [-1, 0, 0]
+    if (terms > 0) data%series(:, :) = flank(1:3, size(flank, 2) - terms + 1:)
   end subroutine take_flank
 
   !> See `api`.

@@ -9,7 +9,7 @@ module lapwing_flank_series
   public :: series_flank_t, make_series_flank
   public :: harmonic_series_t, harmonic_series, steady_response, series_at, expand_series
   public :: derivative_series, bound_derivative, top_order, fastest_rate
-  public :: turned_t, turn_series, turned_value, turned_taylor, turned_tail, max_terms
+  public :: turned_t, turn_series, turned_value, turned_taylor, turned_tail, versed, max_terms
 
   integer, parameter :: top_order = 15   !! highest Taylor coefficient
   integer, parameter :: max_terms = 8    !! terms that count as few
@@ -176,6 +176,30 @@ contains
       end if
     end do
   end subroutine turn_series
+
+  !> 1 - cos x, sin x and x - sin x, each to rounding of its own size.
+  pure subroutine versed(x, versine, sine, lag)
+    real(wp), intent(in) :: x                           !! angle, not negative
+    real(wp), intent(out) :: versine, sine, lag         !! the three
+    !> Terms of a series up to 1/2 that leave less than rounding, whatever the kind.
+    integer, parameter :: terms = precision(x)/2
+    integer :: k
+    if (x > 0.5_wp) then
+      sine = sin(x)
+      lag = x - sine
+      versine = 2*sin(0.5_wp*x)**2
+    else
+      lag = 1
+      versine = 1
+      do k = terms, 1, -1
+        lag = 1 - lag*(x**2*(1.0_wp/((2*k + 2)*(2*k + 3))))
+        versine = 1 - versine*(x**2*(1.0_wp/((2*k + 1)*(2*k + 2))))
+      end do
+      lag = lag*x**3/6
+      versine = versine*x**2/2
+      sine = x - lag
+    end if
+  end subroutine versed
 
   !> Value and slope.
   pure subroutine turned_value(self, turned, x, slope)

@@ -15,6 +15,9 @@ module lapwing_flow
     real(wp) :: length = 0               !! duration
     logical :: moves = .false.           !! whether a flow followed it; else the tooth lies on the
                                          !! flank of its chart
+    integer :: may_skip = 0              !! steps in contact that may be taken before it, of which
+                                         !! nobody hears: it then begins where they end
+    integer :: skipped = 0               !! and how many were
     type(frame_t) :: frame               !! frame it began with; its stop, if no flow asks for more
     type(motion_t) :: motion             !! step it is part of, where the flow takes steps
   end type arc_t

@@ -17,6 +17,9 @@ module lapwing_hybrid_automaton
   private
   public :: advance
 
+  !> Steps of which nobody hears, at most, in one call: the clock is looked at in between.
+  integer, parameter :: most_skipped = 255
+
 contains
 
   !> Advance by one arc, or by none where the tooth stands at an event.
@@ -35,12 +38,14 @@ contains
     segment%begin = state%instant
     segment%length = 0
     segment%moves = .false.
+    segment%skipped = 0
     segment%n_events = 0
     segment%cycle_completed = .false.
     clear = system%begins_clear(state%instant, &
         merge(summed_up_to, listed_down_to, numerics%sum_early)*system%period)
     if (flow%takes_steps .or. .not. clear) call flow%open(system, state%instant, segment%frame)
     if (.not. clear) then
+      call system%complete_frame(segment%frame)
       if (state%instant%motion_state == separation) then
         call meet_flanks(system, numerics, state, segment, resolved)
       else
@@ -56,7 +61,7 @@ contains
         call move_on(system, flow, numerics, .not. clear, state, segment, work, status)
       end if
     end if
-    if (status == status_ok) call check_bounds(system, numerics, state, segment%n_events, status)
+    if (status == status_ok) call check_bounds(system, numerics, segment, state, status)
   end subroutine advance
 
   !> In separation at the beginning of an arc: arrive at a flank that is met already, sum a
@@ -204,6 +209,9 @@ contains
     integer, intent(out) :: status                  !! status_*
     type(reached_t) :: reached
     reached%flank_velocity = 0
+    segment%may_skip = 0
+    if (segment%unseen) segment%may_skip = min(most_skipped, &
+        numerics%max_steps_per_cycle - state%steps_in_cycle - 1)
     call flow%advance(system, numerics%tolerance, opened, segment%arc_t, state%memory, reached, &
         work, status)
     if (status /= status_ok) return
@@ -294,15 +302,15 @@ contains
   end function in_rigid_contact
 
   !> Named ends of everything that physics could make endless.
-  subroutine check_bounds(system, numerics, state, n_events, status)
+  subroutine check_bounds(system, numerics, segment, state, status)
     class(system_t), intent(in) :: system           !! what moves
     type(numerics_t), intent(in) :: numerics        !! bounds
+    type(segment_t), intent(in) :: segment          !! what happened
     type(hybrid_state_t), intent(inout) :: state
-    integer, intent(in) :: n_events                 !! events of the arc
     integer, intent(out) :: status                  !! status_*
     status = status_ok
-    state%events_in_cycle = state%events_in_cycle + n_events
-    state%steps_in_cycle = state%steps_in_cycle + 1
+    state%events_in_cycle = state%events_in_cycle + segment%n_events
+    state%steps_in_cycle = state%steps_in_cycle + segment%skipped + 1
     if (state%events_in_cycle > numerics%max_events_per_cycle) status = status_too_many_events
     if (state%steps_in_cycle > numerics%max_steps_per_cycle) status = status_too_many_steps
     if (.not. abs(sum(state%instant%y(1:system%n_states))) <= huge(1.0_wp)) then

@@ -49,5 +49,6 @@ module lapwing_hybrid_state
     integer :: n_events = 0                           !! events at its end
     type(event_t) :: events(max_segment_events)       !! those events
     logical :: cycle_completed = .false.              !! whether it ends a cycle
+    logical :: unseen = .false.                       !! whether nobody looks at steps in contact
   end type segment_t
 end module lapwing_hybrid_state

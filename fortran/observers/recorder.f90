@@ -15,7 +15,7 @@ module lapwing_observers_recorder
   use lapwing_observers_tangent, only: tangent_t, carry_along, jump, tangent_row
   implicit none
   private
-  public :: record_segment, look_ahead, write_unfinished, sample_at
+  public :: record_segment, look_ahead, looks_closely, write_unfinished, sample_at
 
 contains
 
@@ -59,6 +59,20 @@ contains
       end if
     end do
   end subroutine record_segment
+
+  !> Whether anything is recorded of each step in contact in a cycle, beyond its events: not in
+  !> engagement, mostly. A cycle's first arc is looked at, where it begins.
+  pure logical function looks_closely(self, instant)
+    type(recorder_t), intent(in) :: self
+    type(instant_t), intent(in) :: instant       !! where an arc begins
+    looks_closely = instant%motion_state /= engagement .or. self%want_grazes &
+        .or. self%want_averages .or. self%want_tangent
+    if (self%want_strobe .or. self%want_cycles) looks_closely = looks_closely &
+        .or. self%sums%strobe_due
+    if (looks_closely .or. .not. associated(self%samples)) return
+    if (self%sums%next_sample <= size(self%samples, 2)) looks_closely = &
+        self%sample_time(1, self%sums%next_sample) < instant%cycle + 0.5_wp
+  end function looks_closely
 
   !> Record what lies before `until` in a segment that is about to be taken back.
   subroutine look_ahead(self, system, flow, segment, until, work)

@@ -6,7 +6,7 @@ module lapwing_run
   use lapwing_flow, only: flow_t, work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t, segment_t
   use lapwing_observers_recorder, only: record_segment, sample_at, look_ahead, &
-      write_unfinished
+      looks_closely, write_unfinished
   use lapwing_observers_records, only: recorder_t, log_has_room
   use lapwing_run_cycle_detection, only: repetition_t, end_of_cycle
   use lapwing_system, only: system_t, instant_t
@@ -41,9 +41,10 @@ contains
     type(hybrid_state_t) :: before
     type(work_t) :: work_before
     type(repetition_t) :: repetition
-    integer :: looks
+    integer :: looks, seen_until
     status = status_ok
     looks = 0
+    seen_until = -1
     do while (.not. passed(state%instant, target_cycle, target_t))
       looks = looks + 1
       if (.not. log_has_room(recorder)) status = status_unfinished
@@ -54,9 +55,18 @@ contains
       if (status /= status_ok) return
       before = state
       work_before = work
+      segment%unseen = state%instant%cycle < target_cycle .and. state%instant%cycle > seen_until
+      if (segment%unseen) segment%unseen = .not. looks_closely(recorder, state%instant)
       call advance(system, flow, numerics, state, segment, work, status)
       if (status == status_step_too_small .or. status == status_not_finite) then
         state = before
+        if (segment%skipped > 0) then
+          ! Once more step by step, up to the one that fails.
+          work = work_before
+          status = status_ok
+          seen_until = state%instant%cycle
+          cycle
+        end if
         call write_unfinished(recorder, system, flow, segment, 0.0_wp)
         return
       end if

@@ -31,7 +31,7 @@ module lapwing_run_sweep
   !> over a period (over all recorded cycles without one), counts of work.
   integer, parameter :: outcome_columns = 5 + class_columns + 1 + average_columns + work_size
 
-  !> A transmission error: a table, or a series, whose table is one empty piece.
+  !> A transmission error: a table, a series, whose table has no pieces, or both.
   type :: curve_t
     real(wp), allocatable :: knots(:)             !! (n + 1) mesh phase
     real(wp), allocatable :: coefficients(:, :)   !! (0:5, n) rad per period**k

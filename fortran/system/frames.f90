@@ -3,12 +3,14 @@
 module lapwing_system_frames
   use lapwing_kinds, only: wp
   use lapwing_codes, only: drive_flank, coast_flank
-  use lapwing_polynomial_evaluation, only: max_degree, value_and_slope, taylor_shift
+  use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, value_and_slope, &
+      taylor_shift
   use lapwing_system, only: instant_t, frame_t, motion_t, dense_degree
   use lapwing_flank, only: flank_t, piece_at
+  use lapwing_flank_fixed, only: fixed_flank_t
   implicit none
   private
-  public :: open_on_piece, set_together, set_apart, distance_in_frame, move_to
+  public :: open_on_piece, open_unseen, open_with_flanks, carry_over, distance_in_frame, move_to
   public :: flank_in_frame, flank_over_step
 
   !> Over so many pieces a frame is moved one by one, which keeps the relative precision of a small
@@ -32,6 +34,36 @@ contains
     frame%stop_knot = path%next_kink(piece)
     frame%stop = path%knot(frame%stop_knot) - instant%t
   end subroutine open_on_piece
+
+  !> A frame and its flanks: moving together, or one of them standing still.
+  pure subroutine open_with_flanks(path, fixed, width, instant, frame)
+    class(flank_t), intent(in) :: path           !! motion of the drive flank
+    type(fixed_flank_t), allocatable, intent(in) :: fixed   !! the coast flank, where it has its own
+    real(wp), intent(in) :: width                !! distance between them, rad
+    type(instant_t), intent(in) :: instant       !! where it opens
+    type(frame_t), intent(inout) :: frame        !! its frame
+    real(wp) :: g(0:max_degree), still(0:max_degree)
+    call open_on_piece(path, piece_at(path, instant%t), instant, frame)
+    if (allocated(fixed)) then
+      call path%taylor(frame%piece, instant%t, g)
+      call fixed%taylor(1, instant%t, still)
+      call set_apart(g, still, width, frame)
+    else
+      call set_together(path, width, frame)
+    end if
+  end subroutine open_with_flanks
+
+  !> Where a frame lies whose flanks nobody asks for: up to the end of the cycle.
+  pure subroutine open_unseen(path, instant, frame)
+    class(flank_t), intent(in) :: path           !! motion of the flanks, without kinks
+    type(instant_t), intent(in) :: instant       !! where it opens
+    type(frame_t), intent(inout) :: frame        !! its frame
+    frame%chart = instant%chart
+    frame%t = instant%t
+    frame%piece = 0
+    frame%stop_knot = path%n + 1
+    frame%stop = path%knot(path%n + 1) - instant%t
+  end subroutine open_unseen
 
   !> Both flanks, which move together, in a frame that goes with them.
   pure subroutine set_together(path, width, frame)
@@ -90,6 +122,31 @@ contains
     end associate
     call set_other_flank(width, frame)
   end subroutine move_to
+
+  !> Move a frame on to the next piece, flanks each by their own motion: position and velocity are
+  !> carried over, the next piece's bend takes over.
+  pure subroutine carry_over(path, moves, frame)
+    class(flank_t), intent(in) :: path           !! motion of the flanks
+    logical, intent(in) :: moves(2)              !! which of them move with it
+    type(frame_t), intent(inout) :: frame        !! frame, moved one piece on
+    real(wp) :: span, position, slope, g(0:max_degree)
+    integer :: flank
+    span = frame%piece_end - frame%piece_begin
+    frame%piece = frame%piece + 1
+    frame%piece_begin = frame%piece_end
+    frame%piece_end = path%knot(frame%piece + 1) - frame%t
+    call path%taylor(frame%piece, path%knot(frame%piece), g)
+    do flank = 1, 2
+      position = horner(frame%flank(:, flank), span)
+      slope = horner_slope(frame%flank(:, flank), span)
+      if (moves(flank)) then
+        ! Off kinks the jump is rounding, but left out it would add up to a mean force.
+        slope = slope + path%slope_jump(frame%piece)
+        frame%flank(2:, flank) = g(2:)
+      end if
+      frame%flank(0:1, flank) = [position, slope]
+    end do
+  end subroutine carry_over
 
   !> Move a frame on to the next piece.
   pure subroutine go_on(path, width, frame)

@@ -9,23 +9,26 @@ module lapwing_system_oscillator
   use lapwing_codes, only: separation, no_flank, drive_flank, coast_flank, gap_symmetric, &
       gap_one_flank
   use lapwing_contact_choice, only: choose_law
-  use lapwing_flank, only: flank_t, piece_at
+  use lapwing_flank, only: flank_t
   use lapwing_flank_fixed, only: fixed_flank_t, make_fixed_flank
-  use lapwing_flank_series, only: series_flank_t, make_series_flank, harmonic_series
+  use lapwing_flank_series, only: series_flank_t, make_series_flank, harmonic_series_t, &
+      harmonic_series
   use lapwing_flank_table, only: te_table_t, make_table
   use lapwing_system_exclusion, only: stays_inside, skip_ahead_in_flight, bound_depth_in_flight
-  use lapwing_system_frames, only: open_on_piece, set_together, set_apart, distance_in_frame
+  use lapwing_system_frames, only: open_unseen, open_with_flanks, carry_over, distance_in_frame
   use lapwing_system_parameters, only: parameters_t, natural_angle, felt_jump
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, taylor_shift
-  use lapwing_system_spring_stages, only: drive, drive_over_step, spring_stages, flight_stages
+  use lapwing_system_spring_stages, only: drive, drive_over_step, spring_stages, flight_stages, keep
   use lapwing_system, only: system_t, instant_t, frame_t, motion_t, max_states
-  use lapwing_system_step, only: step_t
+  use lapwing_system_step, only: step_t, kept_t
   implicit none
   private
   public :: oscillator_t, make_oscillator
 
   type, extends(system_t) :: oscillator_t
     class(flank_t), allocatable :: path   !! g, the motion of the drive flank
+    type(harmonic_series_t), allocatable :: series   !! g itself, where path is a table that follows
+                                                     !! it: steps in contact need no table
     type(fixed_flank_t), allocatable :: fixed   !! the coast flank, where it does not move with g
     real(wp) :: force = 1                 !! F, rad
     real(wp) :: damping = 0               !! 2 xi
@@ -37,6 +40,7 @@ module lapwing_system_oscillator
   contains
     procedure :: moves, change_force, open_frame, next_piece, derivatives, gap, contact
     procedure :: commit, pressing, place_at_flank, pass_knot, scales, observe
+    procedure :: complete_frame
     procedure :: begins_clear, limit_step, flank_velocity, stages, stay, skip_ahead, bound_depth
   end type oscillator_t
 
@@ -45,10 +49,11 @@ contains
   !> Oscillator from its parameters and its transmission error over mesh phase.
   subroutine make_oscillator(parameters, knots, coefficients, kinks, series, self, error)
     type(parameters_t), intent(in) :: parameters  !! dimensionless parameters
-    real(wp), intent(in) :: knots(:)              !! (n + 1) mesh phase, 0 to 1
+    real(wp), intent(in) :: knots(:)              !! (n + 1) mesh phase, 0 to 1; n = 0: no table
     real(wp), intent(in) :: coefficients(0:, :)   !! (0:5, n) rad per mesh period**k
     logical, intent(in) :: kinks(:)               !! (n) slope jump at knots(i)
-    real(wp), intent(in) :: series(:, :)          !! (3, terms), first order -1: none
+    real(wp), intent(in) :: series(:, :)          !! (3, terms), first order -1: none; beside a
+                                                  !! table: what it follows
     type(oscillator_t), intent(out) :: self       !! oscillator
     integer, intent(out) :: error                 !! 0, or there is no memory for it
     real(wp), parameter :: two_pi = 8*atan(1.0_wp)
@@ -61,7 +66,7 @@ contains
       call choose_law(p%contact_law, p%impact_law, p%restitution, self%law)
       self%damping = 2*p%damping_ratio
       self%width = merge(2*p%backlash, p%backlash, p%gap == gap_symmetric)
-      if (series(1, 1) >= 0) then
+      if (size(kinks) == 0) then
         allocate (smooth)
         call make_series_flank(harmonic_series(series, p%flank_scale, p%mesh_frequency_ratio), &
             self%period, smooth, error)
@@ -71,6 +76,8 @@ contains
         call make_table(knots, coefficients, kinks, p%flank_scale, self%period, felt(self, p), &
             table, error)
         call move_alloc(table, self%path)
+        if (error == 0 .and. series(1, 1) >= 0) self%series = harmonic_series(series, &
+            p%flank_scale, p%mesh_frequency_ratio)
       end if
       if (error == 0 .and. self%n_flanks == 2 .and. .not. p%back_flank_te) then
         allocate (self%fixed)
@@ -122,28 +129,32 @@ contains
   end function moves
 
   !> The Galilean frame of the flank last touched. The Taylor polynomial of a series is exact at its
-  !> beginning alone, where decisions are made; steps are taken over tables.
+  !> beginning alone, where decisions are made; flights and crossings are looked for on tables.
   pure subroutine open_frame(self, instant, frame)
     class(oscillator_t), intent(in) :: self
     type(instant_t), intent(in) :: instant       !! where it opens
     type(frame_t), intent(inout) :: frame        !! its frame
-    real(wp) :: g(0:max_degree), still(0:max_degree)
-    call open_on_piece(self%path, piece_at(self%path, instant%t), instant, frame)
-    if (allocated(self%fixed)) then
-      call self%path%taylor(frame%piece, instant%t, g)
-      call self%fixed%taylor(1, instant%t, still)
-      call set_apart(g, still, self%width, frame)
+    if (allocated(self%series) .and. instant%motion_state /= separation) then
+      call open_unseen(self%path, instant, frame)
     else
-      call set_together(self%path, self%width, frame)
+      call open_with_flanks(self%path, self%fixed, self%width, instant, frame)
     end if
   end subroutine open_frame
+
+  !> Look up the flanks of a frame that was opened without them.
+  pure subroutine complete_frame(self, frame)
+    class(oscillator_t), intent(in) :: self
+    type(frame_t), intent(inout) :: frame        !! frame as opened
+    if (frame%piece == 0) call open_with_flanks(self%path, self%fixed, self%width, &
+        instant_t(chart=frame%chart, t=frame%t), frame)
+  end subroutine complete_frame
 
   !> A step in contact ends at a felt jump of curvature.
   pure subroutine limit_step(self, instant, frame)
     class(oscillator_t), intent(in) :: self
     type(instant_t), intent(in) :: instant       !! where it opens
     type(frame_t), intent(inout) :: frame
-    if (instant%motion_state == separation) return
+    if (instant%motion_state == separation .or. frame%piece == 0) return
     frame%stop_knot = self%path%next_felt(frame%piece)
     frame%stop = self%path%knot(frame%stop_knot) - instant%t
   end subroutine limit_step
@@ -175,23 +186,7 @@ contains
   pure subroutine next_piece(self, frame)
     class(oscillator_t), intent(in) :: self
     type(frame_t), intent(inout) :: frame        !! frame, moved one piece on
-    real(wp) :: span, position, slope, g(0:max_degree)
-    integer :: flank
-    span = frame%piece_end - frame%piece_begin
-    frame%piece = frame%piece + 1
-    frame%piece_begin = frame%piece_end
-    frame%piece_end = self%path%knot(frame%piece + 1) - frame%t
-    call self%path%taylor(frame%piece, self%path%knot(frame%piece), g)
-    do flank = 1, self%n_flanks
-      position = horner(frame%flank(:, flank), span)
-      slope = horner_slope(frame%flank(:, flank), span)
-      if (moves(self, flank)) then
-        ! Off kinks the jump is rounding, but left out it would add up to a mean force.
-        slope = slope + self%path%slope_jump(frame%piece)
-        frame%flank(2:, flank) = g(2:)
-      end if
-      frame%flank(0:1, flank) = [position, slope]
-    end do
+    call carry_over(self%path, [moves(self, drive_flank), moves(self, coast_flank)], frame)
   end subroutine next_piece
 
   !> A step in contact that certainly stays inside the flank, to its end.
@@ -248,17 +243,19 @@ contains
     rate(1) = z(2)
     rate(2) = self%force
     if (motion_state == separation) return
-    rate(2) = (drive(self%path, self%force, self%damping, moves(self, frame%chart), frame, s) &
-        - z(1)) - self%damping*z(2)
+    if (moves(self, frame%chart)) rate(2) = rate(2) + drive(self%path, self%series, &
+        self%damping, frame, s)
+    rate(2) = (rate(2) - z(1)) - self%damping*z(2)
   end subroutine derivatives
 
   !> The stages of a step for a parabola and a damped spring.
-  subroutine stages(self, frame, motion_state, h, z, step, done)
+  subroutine stages(self, frame, motion_state, h, z, kept, step, done)
     class(oscillator_t), intent(in) :: self
     type(frame_t), intent(in) :: frame             !! frame as opened
     integer, intent(in) :: motion_state
     real(wp), intent(in) :: h                      !! step
     real(wp), intent(in) :: z(max_states)          !! local coordinates at s = 0
+    type(kept_t), intent(inout) :: kept            !! what steps of one length share
     type(step_t), intent(inout) :: step            !! the result
     logical, intent(out) :: done                   !! always
     real(wp) :: driven(4)
@@ -266,9 +263,10 @@ contains
     if (motion_state == separation) then
       call flight_stages(self%force, h, z, step)
     else
-      call drive_over_step(self%path, self%force, self%damping, moves(self, frame%chart), frame, &
-          h, driven, step%landing)
-      call spring_stages(self%damping, self%force, driven, h, z(1:2), step)
+      if (kept%h /= h) call keep(self%damping, self%series, h, kept)
+      call drive_over_step(self%path, self%series, self%damping, moves(self, frame%chart), frame, &
+          kept, driven, step%landing)
+      call spring_stages(self%damping, self%force, driven, kept, z(1:2), step)
     end if
   end subroutine stages
 

@@ -2,9 +2,10 @@
 !> in flow/rk4/step.f90; a system whose equations allow it writes its stages out (`stages`).
 module lapwing_system_step
   use lapwing_kinds, only: wp
+  use lapwing_flank_series, only: max_terms
   implicit none
   private
-  public :: step_t, max_states, richardson, sixth, change
+  public :: step_t, kept_t, max_states, richardson, sixth, change
 
   integer, parameter :: max_states = 8            !! largest number of state variables
 
@@ -24,6 +25,18 @@ module lapwing_system_step
     real(wp) :: landing(2)                !! position and velocity of the chart's flank at s = h, in
                                           !! the frame, of a system that knows when it stays
   end type step_t
+
+  !> What the stages of a damped spring need of the length of a step, and of nothing else: steps of
+  !> one length follow each other. Only the length is set beforehand.
+  type :: kept_t
+    real(wp) :: h = -1                    !! the length; negative: nothing is known
+    !> Middle, end and correction, position and velocity each, for unit position and velocity at
+    !> s = 0 and unit force at the quarters.
+    real(wp) :: response(6, 6)
+    !> Force at the quarters, position and velocity of the flank at the end, for a harmonic that
+    !> begins as a unit cosine and as a unit sine.
+    real(wp) :: from_cosine(6, max_terms), from_sine(6, max_terms)
+  end type kept_t
 
 contains
 

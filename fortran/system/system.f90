@@ -10,7 +10,7 @@ module lapwing_system
   use lapwing_codes, only: drive_flank
   use lapwing_contact_law, only: contact_law_t
   use lapwing_polynomial_evaluation, only: max_degree
-  use lapwing_system_step, only: step_t, max_states
+  use lapwing_system_step, only: step_t, kept_t, max_states
   implicit none
   private
   public :: max_states, dense_degree
@@ -32,7 +32,8 @@ module lapwing_system
   !> Local frame of one step, and the flanks over one table piece of it.
   type :: frame_t
     integer :: chart = 1                         !! chart of the instant it was opened at
-    integer :: piece = 1                         !! table piece the flanks are expanded on
+    integer :: piece = 1                         !! table piece the flanks are expanded on; 0: they
+                                                 !! are not, see `complete_frame`
     integer :: stop_knot = 1                     !! knot where the frame ends
     real(wp) :: t = 0                            !! cycle time of s = 0
     real(wp) :: piece_begin = 0, piece_end = 0   !! span of the piece in s
@@ -47,6 +48,7 @@ module lapwing_system
     real(wp) :: h = 0                                       !! step
     real(wp) :: dense(0:dense_degree, max_states) = 0       !! dense output
     real(wp) :: landing(2) = 0                              !! see `step_t`
+    type(kept_t) :: kept                                    !! what the next step may use
   end type motion_t
 
   type, abstract :: system_t
@@ -76,6 +78,7 @@ module lapwing_system
     procedure :: moves => always
     procedure :: flank_velocity => at_rest
     procedure :: stages => left_to_formula
+    procedure :: complete_frame => as_it_is
     procedure :: stay, skip_ahead, bound_depth
   end type system_t
 
@@ -211,16 +214,24 @@ contains
 
   !> The stages of a step in contact or in flight, written out for the system's own equations. The
   !> default leaves them to the formula.
-  subroutine left_to_formula(self, frame, motion_state, h, z, step, done)
+  subroutine left_to_formula(self, frame, motion_state, h, z, kept, step, done)
     class(system_t), intent(in) :: self
     type(frame_t), intent(in) :: frame             !! frame as opened
     integer, intent(in) :: motion_state
     real(wp), intent(in) :: h                      !! step
     real(wp), intent(in) :: z(max_states)          !! local coordinates at s = 0
+    type(kept_t), intent(inout) :: kept            !! what steps of one length share
     type(step_t), intent(inout) :: step            !! the result
     logical, intent(out) :: done                   !! whether there is one
     done = .false.
   end subroutine left_to_formula
+
+  !> Look up what a frame was opened without: the flanks, of a system that takes a step in contact
+  !> without a look at them.
+  pure subroutine as_it_is(self, frame)
+    class(system_t), intent(in) :: self
+    type(frame_t), intent(inout) :: frame          !! frame as opened
+  end subroutine as_it_is
 
   !> A step in contact that certainly stays inside the flank: the state at its end, without a look
   !> at the flank on the way. The default claims nothing: the step is searched.

@@ -118,7 +118,7 @@ def _enter(row, i, horizon, verdict):
 
 def _measure_own(scene, setting, plan):
     row = _empty_row(scene, setting.name, setting.tolerance)
-    references = load(scene.name, variant(scene, rule=False, table=setting.sees_table))
+    references = load(scene.name, variant(scene, rule=False, table=False))
     oscillators = scene.oscillators
     for horizon, cycles in enumerate((SHORT, LONG)):
         result = ours.run(oscillators, setting, cycles)

@@ -44,11 +44,6 @@ class Setting:
         return self.method
 
     @property
-    def sees_table(self):
-        """Whether a harmonic series is seen through the table that stands for it."""
-        return self.method == "rk4"
-
-    @property
     def numerics(self):
         """The engine's own form: every cycle is computed, none copied."""
         return Numerics(method=self.method, copy_repeats=False, **(

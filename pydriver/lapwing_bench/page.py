@@ -27,8 +27,7 @@ The source's gear from rest at phase 0, {LONG} mesh cycles, torques from 0.5 to 
   state at the end, in parts of the natural sizes of angle and velocity. Median and largest are
   taken over torques. A run that misses or doubles an event, or fails, counts as infinitely wrong.
 - **Reference**: 60 digits, closed form between events (`tests/reference/bench_flow.py`), for the
-  very doubles the methods are given. `rk4` sees a harmonic series through its table and is judged
-  against a reference with the same table.
+  very doubles the methods are given, of a harmonic series itself.
 - **Horizons**: {SHORT} cycles at every torque; {LONG} cycles at the *calm* ones, where a relative
   change of 1e-25 of the torque grows by less than 1e4. Elsewhere the motion is chaotic, and no
   method gives the right events for long. Comparison stops once an initial 1e-15 has grown to the

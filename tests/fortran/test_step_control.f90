@@ -34,10 +34,10 @@ contains
     call tally%is_true(step_to_try(memory, .false., 1.0e-6_wp) >= huge(1.0_wp), "the next flight")
   end subroutine test_to_try
 
-  !> Largest error over size, in units of 1/256 of the tolerance.
+  !> Largest error over size, in units of 1/96 of the tolerance.
   subroutine test_ratio()
-    call tally%near(error_ratio([1.0e-3_wp, 3.0e-3_wp], [1.0_wp, 6.0_wp], 1.0e-2_wp), 25.6_wp, &
-        25.6_wp*rounding, "error ratio")
+    call tally%near(error_ratio([1.0e-3_wp, 3.0e-3_wp], [1.0_wp, 6.0_wp], 1.0e-2_wp), 9.6_wp, &
+        9.6_wp*rounding, "error ratio")
     call tally%near(error_ratio([0.0_wp], [1.0_wp], 1.0e-2_wp), 0.0_wp, 0.0_wp, "no error")
   end subroutine test_ratio
 

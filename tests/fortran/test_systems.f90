@@ -99,8 +99,12 @@ contains
     type(oscillator_t) :: self
     real(wp), parameter :: none(3, 1) = reshape([-1.0_wp, 0.0_wp, 0.0_wp], [3, 1])
     integer :: error
-    if (present(series)) then
-      call make_oscillator(parameters, knots, coefficients, kinks, series, self, error)
+    logical :: alone
+    alone = present(series)
+    if (alone) alone = series(1, 1) >= 0
+    if (alone) then
+      call make_oscillator(parameters, knots(:1), coefficients(:, :0), kinks(:0), series, self, &
+          error)
     else
       call make_oscillator(parameters, knots, coefficients, kinks, none, self, error)
     end if

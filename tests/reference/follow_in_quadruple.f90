@@ -70,10 +70,13 @@ contains
     type(work_t) :: work
     real(wp), target :: log(log_columns, event_room), rows(cycle_columns, cycles + 1)
     real(wp) :: phi, phi_dot
-    integer :: status, error, i
-    ! Steps are taken over the table.
+    integer :: status, error, i, pieces
+    ! The closed form takes a series without its table, steps are taken over the table.
+    pieces = size(kinks)
+    if (numerics%method == method_exact .and. series(1, 1) >= 0) pieces = 0
     if (numerics%method /= method_exact) series(1, 1) = -1
-    call make_oscillator(parameters, knots, coefficients, kinks == 1, series, system, error)
+    call make_oscillator(parameters, knots(:pieces + 1), coefficients(:, :pieces), &
+        kinks(:pieces) == 1, series, system, error)
     if (error == 0) call make_flow(numerics%method, system, flow, error)
     if (error /= 0) error stop "no memory"
     state%instant = start_at_rest(system, start(4))

@@ -1,5 +1,6 @@
 !> Motion in steps of the classical formula, of any system: an arc is one accepted step, cut at the
-!> first guard in it.
+!> first guard in it. Where nobody looks at the steps of a contact several are taken at once, and
+!> the arc is the last of them.
 module lapwing_flow_rk4_rk4_flow
   use lapwing_kinds, only: wp
   use lapwing_codes, only: separation, no_flank, drive_flank, status_ok, status_step_too_small, &
@@ -45,19 +46,43 @@ contains
     type(reached_t), intent(inout) :: reached     !! its end
     type(work_t), intent(inout) :: work           !! counts
     integer, intent(out) :: status                !! status_*
-    type(crossing_t) :: crossing
-    real(wp) :: z_end(max_states), z_event(max_states)
+    real(wp) :: z_end(max_states), scale(max_states)
     logical :: stays
-    call accept_step(system, tolerance, arc, memory(arc%begin%motion_state), z_end, work, status)
-    if (status /= status_ok) return
+    call system%scales(arc%begin%motion_state, scale)
     reached%flank = no_flank
-    reached%s = arc%motion%h
     reached%chart = arc%begin%chart
-    if (arc%begin%motion_state /= separation) then
-      call system%stay(arc%frame, arc%begin, arc%motion, z_end, reached%y, stays)
-      reached%piece = arc%begin%piece
-      if (stays) return
-    end if
+    reached%piece = arc%begin%piece
+    do
+      call accept_step(system, tolerance, scale, arc, memory(arc%begin%motion_state), z_end, work, &
+          status)
+      if (status /= status_ok) return
+      reached%s = arc%motion%h
+      stays = .false.
+      if (arc%begin%motion_state /= separation) then
+        call system%stay(arc%frame, arc%begin, arc%motion, z_end, reached%y, stays)
+      end if
+      if (.not. stays) exit
+      if (arc%skipped >= arc%may_skip .or. reached%s >= arc%frame%stop) return
+      if (.not. abs(sum(reached%y(:system%n_states))) <= huge(1.0_wp)) return
+      arc%skipped = arc%skipped + 1
+      arc%begin%t = arc%begin%t + reached%s
+      arc%begin%touching = no_flank
+      arc%begin%y(:system%n_states) = reached%y(:system%n_states)
+      call self%open(system, arc%begin, arc%frame)
+    end do
+    call cut_at_crossing(system, arc, z_end, reached, work)
+  end subroutine advance
+
+  !> End an arc at the first crossing in its step, if there is one.
+  subroutine cut_at_crossing(system, arc, z_end, reached, work)
+    class(system_t), intent(in) :: system         !! what moves
+    type(arc_t), intent(inout) :: arc             !! the arc
+    real(wp), intent(in) :: z_end(max_states)     !! local coordinates at the step's end
+    type(reached_t), intent(inout) :: reached     !! the arc's end
+    type(work_t), intent(inout) :: work           !! counts
+    type(crossing_t) :: crossing
+    real(wp) :: z_event(max_states)
+    call system%complete_frame(arc%frame)
     call find_crossing(system, arc%frame, arc%begin%motion_state, arc%begin%touching, arc%motion, &
         work, crossing)
     if (crossing%found) then
@@ -82,24 +107,24 @@ contains
       reached%piece = crossing%frame%piece
       call system%commit(crossing%frame, arc%motion%h, z_end, arc%begin%chart, reached%y)
     end if
-  end subroutine advance
+  end subroutine cut_at_crossing
 
   !> Try steps until the error estimate is within the tolerance.
-  subroutine accept_step(system, tolerance, arc, memory, z_end, work, status)
+  subroutine accept_step(system, tolerance, scale, arc, memory, z_end, work, status)
     class(system_t), intent(in) :: system           !! what moves
     real(wp), intent(in) :: tolerance               !! relative
+    real(wp), intent(in) :: scale(max_states)       !! natural sizes of the coordinates
     type(arc_t), intent(inout) :: arc               !! its motion is set
     type(step_memory_t), intent(inout) :: memory    !! of its motion state
     real(wp), intent(out) :: z_end(max_states)      !! local coordinates at the end
     type(work_t), intent(inout) :: work             !! counts
     integer, intent(out) :: status                  !! status_*
-    real(wp) :: error(max_states), scale(max_states), ratio, h
+    real(wp) :: error(max_states), ratio, h
     logical :: cut_short, in_contact
     integer :: n
     n = system%n_states
     status = status_ok
     in_contact = arc%begin%motion_state /= separation
-    call system%scales(arc%begin%motion_state, scale)
     h = step_to_try(memory, in_contact, tolerance)
     cut_short = arc%frame%stop < h
     h = min(h, arc%frame%stop)
@@ -139,6 +164,7 @@ contains
     real(wp), intent(out) :: y(max_states)        !! state variables
     real(wp) :: z(max_states)
     integer :: i
+    call system%complete_frame(frame)
     do while (s > frame%piece_end .and. frame%piece_end < arc%length)
       call system%next_piece(frame)
     end do
@@ -167,6 +193,7 @@ contains
     floor = least
     until = 0
     frame = arc%frame
+    call system%complete_frame(frame)
     leaps = arc%begin%motion_state == separation .and. frame%piece_end < arc%length
     do
       finish = min(frame%piece_end, arc%length)
@@ -197,6 +224,7 @@ contains
     type(frame_t) :: frame
     integer :: flank
     frame = arc%frame
+    call system%complete_frame(frame)
     do
       do flank = 1, system%n_flanks
         if (arc%begin%motion_state /= separation .and. arc%begin%motion_state /= flank) cycle

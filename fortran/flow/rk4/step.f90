@@ -8,12 +8,12 @@
 !> that. Figures against other fourth-order formulas: docs/method.md.
 !>
 !> A system may do the same stages itself: the gear's oscillator does, in system/spring_stages.f90,
-!> and what is changed here has to be changed there.
+!> multiplied out, and what is changed here has to be changed there.
 module lapwing_flow_rk4_step
   use lapwing_kinds, only: wp
   use lapwing_flow_rk4_step_control, only: error_ratio
   use lapwing_system, only: system_t, frame_t, motion_t
-  use lapwing_system_step, only: step_t, max_states, change, richardson
+  use lapwing_system_step, only: step_t, kept_t, max_states, change, richardson
   implicit none
   private
   public :: ratio_in_contact, rk4_step, rk4_move, read_step
@@ -83,7 +83,7 @@ contains
     type(step_t) :: step
     integer :: i
     logical :: done
-    call system%stages(frame, motion_state, h, z, step, done)
+    call system%stages(frame, motion_state, h, z, motion%kept, step, done)
     if (.not. done) call doubled_step(system, frame, motion_state, h, z, .true., step)
     motion%h = h
     motion%landing = step%landing
@@ -136,8 +136,9 @@ contains
     real(wp), intent(in) :: z(max_states)         !! local coordinates at s = 0
     real(wp), intent(out) :: z_end(max_states)    !! local coordinates at s = h
     type(step_t) :: step
+    type(kept_t) :: kept
     logical :: done
-    call system%stages(frame, motion_state, h, z, step, done)
+    call system%stages(frame, motion_state, h, z, kept, step, done)
     if (.not. done) call doubled_step(system, frame, motion_state, h, z, .false., step)
     z_end = step%end
   end subroutine rk4_move

@@ -14,7 +14,7 @@ module lapwing_flow_rk4_step_control
   !> Share of the tolerance that one step may spend. A mesh period in contact takes hundreds of
   !> steps whose errors add up; with this share the error of an event time stays below
   !> `rtol` mesh periods, times what the dynamics make of it (tests/test_convergence.py).
-  real(wp), parameter :: share_per_step = 1.0_wp/256
+  real(wp), parameter :: share_per_step = 1.0_wp/96
   real(wp), parameter :: safety = 0.9_wp
   real(wp), parameter :: most_growth = 5
   real(wp), parameter :: most_shrinkage = 0.1_wp
@@ -43,7 +43,11 @@ contains
     real(wp), intent(in) :: error(:)    !! estimated errors
     real(wp), intent(in) :: scale(:)    !! natural sizes
     real(wp), intent(in) :: tolerance   !! relative tolerance of the run
-    error_ratio = maxval(error/scale)/(share_per_step*tolerance)
+    if (size(error) == 2) then
+      error_ratio = max(error(1)/scale(1), error(2)/scale(2))/(share_per_step*tolerance)
+    else
+      error_ratio = maxval(error/scale)/(share_per_step*tolerance)
+    end if
   end function error_ratio
 
   !> Remember an accepted step. A step cut short by a stop never shortens the next one.

@@ -26,7 +26,7 @@ def series_is_taken(te: TransmissionError) -> bool:
 
 def flank_argument(te: TransmissionError, centred: bool,
                    method: str | None = None) -> NDArray[Any]:
-    """The transmission error as api.f90 takes it, (8, columns): a table or a harmonic series.
+    """The transmission error as api.f90 takes it, (8, columns): a table, a harmonic series or both.
 
     Only differences of g matter unless the coast flank stands still; a table is then shifted
     (`centred`) to the middle of its range, so that a large constant costs no digits. It is made
@@ -52,10 +52,10 @@ def flank_arguments(tes: Sequence[TransmissionError], centred: bool, method: str
 
 
 def _made_flank(te: TransmissionError, centred: bool, form: str) -> NDArray[Any]:
+    series = np.zeros((8, len(te.harmonics)), order="F")
+    series[:3], series[7] = te.harmonics.T, -1
     if form == "exact":
-        flank = np.zeros((8, len(te.harmonics)), order="F")
-        flank[:3], flank[7] = te.harmonics.T, -1
-        return flank
+        return series
     knots, coefficients, kinks = te.knots, te.coefficients, te.kinks
     if form == "rk4":
         knots, coefficients = te.fine_table
@@ -64,4 +64,4 @@ def _made_flank(te: TransmissionError, centred: bool, form: str) -> NDArray[Any]
     flank[0], flank[1:7, :-1], flank[7, :-1] = knots, coefficients.T, kinks
     if centred:
         flank[1, :-1] -= 0.5 * sum(te.extrema)
-    return flank
+    return np.asfortranarray(np.hstack([flank, series])) if form == "rk4" else flank
