@@ -4,11 +4,11 @@
 module lapwing_polynomial_roots
   use lapwing_kinds, only: wp
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, taylor_shift, &
-      bernstein, scale_to_unit, never_below, least
+      bernstein, scale_to_unit, never_below, least, jet, bend_beyond
   implicit none
   private
   public :: first_zero, first_descent, critical_points, lift_off, first_nonzero, newton
-  public :: raise_to_largest, is_parabola, parabola_descent
+  public :: raise_to_largest, raise_to_turn, is_parabola, parabola_descent
 
   !> Halvings before two roots closer than 2**-48 of the interval are treated as one.
   integer, parameter :: max_depth = 48
@@ -16,6 +16,10 @@ module lapwing_polynomial_roots
   integer, parameter :: max_iterations = 80
   !> Newton steps from a guess; from four digits two are needed, from half of one five.
   integer, parameter :: max_newton = 12
+  !> Newton's step to a turn at which the parabola there gives its value to rounding: what it leaves
+  !> out is the cube of the step, over the interval.
+  real(wp), parameter :: close_enough = 3.0e-6_wp
+  integer, parameter :: most_steps = 12        !! of Newton; three or four are needed
 
 contains
 
@@ -303,4 +307,32 @@ contains
       if (first_nonzero /= 0) return
     end do
   end function first_nonzero
+
+  !> Raise `most` to the largest value of a polynomial of odd degree on an interval, if its second
+  !> derivative keeps its sign there: then it turns once or not at all.
+  pure subroutine raise_to_turn(c, from, to, most, one_turn)
+    real(wp), intent(in) :: c(0:)              !! coefficients
+    real(wp), intent(in) :: from, to           !! interval
+    real(wp), intent(inout) :: most            !! largest value
+    logical, intent(out) :: one_turn           !! whether it does
+    real(wp) :: value, slope, bend, s, step, slopes(2)
+    integer :: i
+    one_turn = bend_beyond(c, max(abs(from), abs(to))) < 1.9_wp*abs(c(2))
+    if (.not. one_turn) return
+    slopes = 0
+    if (c(2) < 0) slopes = [horner_slope(c, from), horner_slope(c, to)]
+    if (slopes(1) <= 0 .or. slopes(2) >= 0) then
+      most = max(most, horner(c, from), horner(c, to))
+      return
+    end if
+    s = from + (to - from)*(slopes(1)/(slopes(1) - slopes(2)))
+    do i = 1, most_steps
+      call jet(ubound(c, 1), c, s, value, slope, bend)
+      step = -0.5_wp*slope/bend
+      if (abs(step) <= close_enough*(to - from)) exit
+      s = min(max(s + step, from), to)
+    end do
+    one_turn = i <= most_steps
+    if (one_turn) most = max(most, value + 0.5_wp*slope*step)
+  end subroutine raise_to_turn
 end module lapwing_polynomial_roots

@@ -2,11 +2,11 @@
 program test_blocks
   use assertions, only: tally_t
   use exact_reference, only: seed, uniform, chance, pick, table_scene, series_scene, random_series
-  use lapwing_flow_exact_interval_bounds, only: make_blocks
+  use lapwing_flow_exact_interval_bounds, only: make_blocks, block_at, last_in_block
   use lapwing_codes, only: drive_flank, coast_flank, no_flank
   use lapwing_flow_exact_contact, only: contact_end
   use lapwing_flow_exact_flight, only: end_t, flight_end
-  use lapwing_flow_exact_extrema, only: farthest
+  use lapwing_flow_exact_extrema, only: farthest, next_turn
   use lapwing_flank_series, only: harmonic_series_t, harmonic_series, series_at
   use lapwing_kinds, only: wp
   use lapwing_flank, only: locate_piece
@@ -45,7 +45,11 @@ contains
       scene = smooth_table(series, n, two_pi*uniform(1.3_wp, 9.6_wp), &
           pick([0.03_wp, 0.1_wp, 1.0_wp]), uniform(-0.3_wp, 1.0_wp), chance(0.5_wp))
     end if
-    call make_blocks(scene%form, scene%flank, scene%blocks, error)
+    if (mod(i, 3) == 0) then
+      call make_blocks(scene%form, scene%flank, scene%blocks, error, fan=4)
+    else
+      call make_blocks(scene%form, scene%flank, scene%blocks, error)
+    end if
   end function many
 
   !> Cubic pieces through values and slopes of a series; with a kink in the middle, if wanted.
@@ -84,13 +88,14 @@ contains
     integer :: error
     scene = series_scene(random_series(1), two_pi, 0.1_wp, 1.0_wp)
     call make_blocks(scene%form, scene%flank, scene%blocks, error)
-    call tally%is_true(scene%blocks%panels == 0 .and. scene%blocks%pieces == 0, "no blocks")
+    call tally%is_true(scene%blocks%panels%levels == 0 .and. scene%blocks%pieces%levels == 0, &
+        "no blocks")
   end subroutine test_few_have_none
 
   subroutine test_scene(scene)
     type(scene_t), intent(in) :: scene       !! scene with blocks
     integer :: k
-    call tally%is_true(scene%blocks%panels > 1, "there are blocks")
+    call tally%is_true(scene%blocks%panels%size(1) > 1, "there are blocks")
     call check_bounds(scene)
     do k = 1, n_stretches
       call compare_flights(scene)
@@ -102,7 +107,7 @@ contains
   subroutine check_bounds(scene)
     type(scene_t), intent(in) :: scene       !! scene with blocks
     real(wp) :: t, g(0:5), free(2), step(2)
-    integer :: panel, piece, k, next
+    integer :: panel, piece, k, next, level
     logical :: inside
     inside = .true.
     do panel = 1, scene%form%n
@@ -111,26 +116,32 @@ contains
             + 0.0999_wp*k*(scene%form%edge(panel + 1) - scene%form%edge(panel))
         piece = scene%form%piece(panel)
         call scene%flank%taylor(piece, t, g)
-        associate (block => scene%blocks%over((panel - 1)/scene%blocks%panels + 1))
-          inside = inside .and. g(0) >= block%g_low - rounding .and. g(0) <= block%g_high + rounding
-          inside = inside .and. scene%form%panel(panel)%q_begin(1) >= block%q_low - rounding &
-              .and. scene%form%panel(panel)%q_begin(1) <= block%q_high + rounding
-        end associate
-        if (scene%blocks%pieces == 0) cycle
-        inside = inside .and. &
-            g(0) >= scene%blocks%g_low((piece - 1)/scene%blocks%pieces + 1) - rounding .and. &
-            g(0) <= scene%blocks%g_high((piece - 1)/scene%blocks%pieces + 1) + rounding
+        do level = 1, scene%blocks%panels%levels
+          associate (block => scene%blocks%over(block_at(scene%blocks%panels, level, panel)))
+            inside = inside .and. g(0) >= block%g_low - rounding &
+                .and. g(0) <= block%g_high + rounding
+            inside = inside .and. scene%form%panel(panel)%q_begin(1) >= block%q_low - rounding &
+                .and. scene%form%panel(panel)%q_begin(1) <= block%q_high + rounding
+          end associate
+        end do
+        do level = 1, scene%blocks%pieces%levels
+          next = block_at(scene%blocks%pieces, level, piece)
+          inside = inside .and. g(0) >= scene%blocks%g_low(next) - rounding &
+              .and. g(0) <= scene%blocks%g_high(next) + rounding
+        end do
       end do
     end do
     call tally%is_true(inside, "bounds of blocks hold")
-    do panel = 1, scene%form%n - scene%blocks%panels, scene%blocks%panels
-      free = [0.3_wp, -0.7_wp]
-      step = matmul(scene%blocks%over((panel - 1)/scene%blocks%panels + 1)%d_matrix, free)
-      do next = panel, panel + scene%blocks%panels - 1
-        free = matmul(scene%form%panel(next)%d_matrix, free)
+    do level = 1, scene%blocks%panels%levels
+      do panel = 1, scene%form%n - scene%blocks%panels%size(level), scene%blocks%panels%size(level)
+        free = [0.3_wp, -0.7_wp]
+        step = matmul(scene%blocks%over(block_at(scene%blocks%panels, level, panel))%d_matrix, free)
+        do next = panel, last_in_block(scene%blocks%panels, level, panel)
+          free = matmul(scene%form%panel(next)%d_matrix, free)
+        end do
+        call tally%below(free_size(step - free), 1.0e-13_wp, &
+            "a block's free oscillation is its panels'")
       end do
-      call tally%below(free_size(step - free), 1.0e-13_wp, &
-          "a block's free oscillation is its panels'")
     end do
   end subroutine check_bounds
 
@@ -161,14 +172,15 @@ contains
     call begin(scene, .false., uniform(wall(2), 0.0_wp), uniform(-2.0_wp, 2.0_wp), curve, stop)
     again = curve
     plain = scene
-    plain%blocks%panels = 0
-    plain%blocks%pieces = 0
+    plain%blocks%panels%levels = 0
+    plain%blocks%pieces%levels = 0
     call flight_end(scene, curve, wall, no_flank, stop, at)
     call flight_end(plain, again, wall, no_flank, stop, other)
     call compare(at, other, "flight")
     call check_farthest(scene, curve, at%s)
     call tally%near(farthest(scene, curve, -1.0_wp, at%s, 0.1_wp), &
         farthest(plain, curve, -1.0_wp, at%s, 0.1_wp), 1.0e-11_wp, "deepest point of a flight")
+    call compare_turns(scene, plain, curve, at%s)
   end subroutine compare_flights
 
   !> The farthest point against samples: beyond none of them, nor farther than the motion bends
@@ -203,13 +215,52 @@ contains
     call begin(scene, .true., inward*uniform(0.0_wp, 1.5_wp), uniform(-1.0_wp, 1.0_wp), curve, stop)
     again = curve
     plain = scene
-    plain%blocks%panels = 0
+    plain%blocks%panels%levels = 0
     call contact_end(scene, curve, flank, .false., stop, at)
     call contact_end(plain, again, flank, .false., stop, other)
     call compare(at, other, "contact")
     call tally%near(farthest(scene, curve, -1.0_wp, at%s, 0.1_wp), &
         farthest(plain, curve, -1.0_wp, at%s, 0.1_wp), 1.0e-11_wp, "deepest point of a contact")
+    call compare_turns(scene, plain, curve, at%s)
   end subroutine compare_contacts
+
+  !> Turns that are near enough are the same with and without blocks.
+  subroutine compare_turns(scene, plain, curve, until)
+    type(scene_t), intent(in) :: scene, plain    !! with and without blocks
+    type(curve_t), intent(in) :: curve           !! arc
+    real(wp), intent(in) :: until                !! its end
+    real(wp) :: within, sign, s, other
+    logical :: found, again
+    sign = pick([-1.0_wp, 1.0_wp])
+    within = uniform(-1.0_wp, 1.0_wp)
+    s = 0
+    other = 0
+    do
+      call near_turn(scene, curve, sign, within, until, found, s)
+      call near_turn(plain, curve, sign, within, until, again, other)
+      call tally%is_true(found .eqv. again, "as many near turns")
+      if (.not. (found .and. again)) return
+      call tally%near(s, other, 1.0e-7_wp, "near turns at the same times")
+    end do
+  end subroutine compare_turns
+
+  !> The next turn with sign*x below a limit.
+  subroutine near_turn(scene, curve, sign, within, until, found, s)
+    type(scene_t), intent(in) :: scene
+    type(curve_t), intent(in) :: curve           !! arc
+    real(wp), intent(in) :: sign, within         !! the limit
+    real(wp), intent(in) :: until                !! end of the arc
+    logical, intent(out) :: found
+    real(wp), intent(inout) :: s                 !! after which time; when
+    real(wp) :: x, v, from
+    do
+      from = s
+      call next_turn(scene, curve, sign, within, from, until, found, s)
+      if (.not. found) return
+      call curve_at(scene, curve, locate_panel(scene%form, curve%t + s), s, x, v)
+      if (sign*x <= within) return
+    end do
+  end subroutine near_turn
 
   !> Two ways to the same end. Rounding: some hundred pieces walked, crossings at a slant.
   subroutine compare(at, other, what)

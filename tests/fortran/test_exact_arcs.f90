@@ -271,7 +271,7 @@ contains
     from = 0
     n = 0
     do
-      call next_turn(scene, curve, from, until, found, s)
+      call next_turn(scene, curve, 1.0_wp, huge(s), from, until, found, s)
       if (.not. found) exit
       n = n + 1
       if (n > 200) return

@@ -12,6 +12,7 @@ module lapwing_flow_exact_contact
   use lapwing_flow_exact_flight, only: end_t
   use lapwing_flow_exact_root_search, only: target_t, first_crossing, quick_return, only_zero
   use lapwing_flow_exact_motion, only: curve_at, rest_after, free_in_middle, contact_series
+  use lapwing_flow_exact_interval_bounds, only: widest_level, block_at, last_in_block
   use lapwing_flow_exact_panels, only: locate_panel, free_size, start_order, reach
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, bernstein_on, least
   use lapwing_flow_exact_slow_contact, only: slow_crossing
@@ -24,6 +25,13 @@ module lapwing_flow_exact_contact
   !> be off. From there on it is computed from the arc's beginning, for one exponential and one pair
   !> of sines. With 2 and 8 random scenes have the same events.
   integer, parameter :: well_rounded = 4
+  !> Times that a contact is begun anew where knots are very many. One that is over them after a time
+  !> s keeps the digits of its velocity but for 4 EPS/s; s is no shorter than the 1e-3 of a period
+  !> that so many of 100,000 pieces are, and what is shorter keeps all.
+  integer, parameter :: most_begun = 128
+  !> Rounding of a free oscillation that is carried over blocks of all levels and their members, a
+  !> few hundred steps, over its size: far from above.
+  real(wp), parameter :: carried_rounding = 1.0e-12_wp
 
 contains
 
@@ -126,7 +134,7 @@ contains
     real(wp), intent(out) :: s                 !! when, after `elapsed`
     real(wp), intent(out) :: x, v              !! position and velocity then
     real(wp) :: knot
-    integer :: piece
+    integer :: piece, first
     elapsed = 0
     last = stop
     found = .false.
@@ -134,8 +142,10 @@ contains
     x = 0
     v = 0
     if (scene%flank%n == 1) return
+    first = curve%piece
     do
       piece = curve%piece + 1
+      if (scene%blocks%pieces%levels > 1 .and. piece - first > most_begun) return
       knot = scene%flank%knot(piece) - curve%t
       if (elapsed + knot >= reach(start_order)/scene%form%fastest .or. knot >= last) return
       if (piece > scene%flank%n) return
@@ -231,7 +241,7 @@ contains
         free = form%panel(panel)%d_matrix(:, 1)*free(1) + form%panel(panel)%d_matrix(:, 2)*free(2)
         touching = .false.
         panel = panel + 1
-        if (scene%blocks%panels > 0) then
+        if (scene%blocks%panels%levels > 0) then
           call pass_blocks(scene, goal%sign, size_before, panel, free)
           ! What is passed may hold the stop.
           if (form%edge(panel) - curve%t >= stop .or. panel > form%n) then
@@ -244,25 +254,38 @@ contains
     end associate
   end subroutine release
 
-  !> From a panel that begins a block past all blocks over which the free oscillation, which never
-  !> grows, is too small to let the tooth off.
+  !> From a panel that begins a block past all blocks over which the tooth cannot come off.
   pure subroutine pass_blocks(scene, sign, size_before, panel, free)
     type(scene_t), intent(in) :: scene
     real(wp), intent(in) :: sign               !! +1 at the drive flank, -1 at the coast flank
     real(wp), intent(in) :: size_before        !! size of the free oscillation, earlier
     integer, intent(inout) :: panel            !! panel, then the one to be looked at next, or n + 1
     real(wp), intent(inout) :: free(2)         !! d and d' in its middle
-    real(wp) :: margin
-    associate (blocks => scene%blocks)
-      do while (mod(panel - 1, blocks%panels) == 0 .and. panel <= scene%form%n)
-        associate (block => blocks%over((panel - 1)/blocks%panels + 1))
-          margin = sign*scene%force + merge(block%q_low, -block%q_high, sign > 0)
-          if (size_before >= margin) return
-          free = block%d_matrix(:, 1)*free(1) + block%d_matrix(:, 2)*free(2)
-        end associate
-        panel = min(panel + blocks%panels, scene%form%n + 1)
+    integer :: level, last
+    associate (row => scene%blocks%panels)
+      do while (panel <= scene%form%n)
+        do level = widest_level(row, panel), 1, -1
+          last = last_in_block(row, level, panel)
+          associate (block => scene%blocks%over(block_at(row, level, panel)))
+            if (.not. holds(sign*scene%force + merge(block%q_low, -block%q_high, sign > 0))) cycle
+            free = block%d_matrix(:, 1)*free(1) + block%d_matrix(:, 2)*free(2)
+          end associate
+          panel = last + 1
+          exit
+        end do
+        if (level == 0) return
       end do
     end associate
+  contains
+    !> Whether what holds the tooth in a block, but for the free oscillation, is more than that. It
+    !> never grows, and in a short block changes little: |d'| is not above its size either.
+    pure logical function holds(margin)
+      real(wp), intent(in) :: margin           !! F + q there, at least
+      holds = size_before < margin
+      if (holds .or. scene%blocks%panels%levels == 1) return
+      holds = margin + sign*free(1) > size_before &
+          *((scene%form%edge(last + 1) - scene%form%edge(panel)) + carried_rounding)
+    end function holds
   end subroutine pass_blocks
 
   !> Bernstein coefficients of sign*x over a panel, and a bound of what they leave out.

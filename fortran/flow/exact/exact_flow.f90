@@ -328,7 +328,7 @@ contains
         flank == coast_flank)
     from = 0
     do
-      call next_turn(scene, curve, from, arc%length, found, s)
+      call next_turn(scene, curve, inward, within, from, arc%length, found, s)
       if (.not. found) exit
       panel = panel_in_contact(scene, curve, s)
       call curve_at(scene, curve, panel, s, distance, v)

@@ -3,22 +3,19 @@ module lapwing_flow_exact_extrema
   use lapwing_kinds, only: wp
   use lapwing_flow_exact_curve, only: scene_t, curve_t, is_smooth
   use lapwing_flow_exact_motion, only: curve_at, curve_taylor, fly_from, flight_series, &
-      flight_on_piece, range_of_flight
+      flight_bound
+  use lapwing_flow_exact_farthest_over_pieces, only: farthest_over_pieces
+  use lapwing_flow_exact_interval_bounds, only: widest_level, block_at, last_in_block
   use lapwing_flow_exact_panels, only: locate_panel, free_size
   use lapwing_flow_exact_root_search, only: first_turn
-  use lapwing_system_oscillation, only: n_taylor
+  use lapwing_system_oscillation, only: n_taylor, free_after
   use lapwing_flow_exact_slow_contact, only: slow_turn, slow_farthest, panel_in_contact
-  use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, jet, bend_beyond, &
-      bernstein_on, largest
-  use lapwing_polynomial_roots, only: raise_to_largest, is_parabola
+  use lapwing_polynomial_evaluation, only: max_degree, jet, bernstein_on
+  use lapwing_polynomial_roots, only: raise_to_turn
   implicit none
   private
   public :: next_turn, farthest
 
-  !> Newton's step to a turn at which the parabola there gives its value to rounding: what it leaves
-  !> out is the cube of the step, over the interval.
-  real(wp), parameter :: close_enough = 3.0e-6_wp
-  integer, parameter :: most_steps = 12        !! of Newton; three or four are needed
   !> A velocity in contact that is less than this part of the depth, per unit of tau, is rounding.
   real(wp), parameter :: still = 1000*epsilon(1.0_wp)
   !> Turns are not looked for in so small a part of an arc once they are rounding.
@@ -27,11 +24,13 @@ module lapwing_flow_exact_extrema
 contains
 
   !> First time after `from`, which is zero or such a time itself, where the velocity relative to
-  !> the flank changes sign. Where a tooth stands still on its flank rounding does so without end:
-  !> that is leapt over, ever farther.
-  pure subroutine next_turn(scene, curve, from, until, found, s)
+  !> the flank changes sign; of turns with sign*x > within some may be left out. Where a tooth stands
+  !> still on its flank rounding does so without end: that is leapt over, ever farther.
+  pure subroutine next_turn(scene, curve, sign, within, from, until, found, s)
     type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc, its series known
+    real(wp), intent(in) :: sign               !! +1 or -1
+    real(wp), intent(in) :: within             !! largest sign*x that is asked for
     real(wp), intent(in) :: from, until        !! times since its beginning
     logical, intent(out) :: found              !! whether there is one
     real(wp), intent(out) :: s                 !! when
@@ -39,7 +38,8 @@ contains
     begin = from
     leap = 0
     do
-      call turn_from(scene, curve, from > 0 .and. begin == from, begin, until, found, s)
+      call turn_from(scene, curve, sign, within, from > 0 .and. begin == from, begin, until, &
+          found, s)
       if (.not. found) return
       if (.not. is_still(scene, curve, 0.5_wp*(begin + s))) return
       leap = min(max(2*leap, s - begin), until/most_leaps)
@@ -62,9 +62,11 @@ contains
   end function is_still
 
   !> First time after `from` where the sign changes, rounding or not.
-  pure subroutine turn_from(scene, curve, at_turn, from, until, found, s)
+  pure subroutine turn_from(scene, curve, sign, within, at_turn, from, until, found, s)
     type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc, its series known
+    real(wp), intent(in) :: sign               !! +1 or -1
+    real(wp), intent(in) :: within             !! largest sign*x that is asked for
     logical, intent(in) :: at_turn             !! whether `from` is such a time
     real(wp), intent(in) :: from, until        !! times since its beginning
     logical, intent(out) :: found              !! whether there is one
@@ -82,10 +84,36 @@ contains
       call first_turn(scene, curve, panel, at_turn .and. begin == from, begin, finish, found, s)
       found = found .and. s > from .and. s < until
       if (found .or. finish >= until .or. panel == scene%form%n) return
-      begin = finish
       panel = panel + 1
+      if (scene%blocks%panels%levels > 1) call pass_far(scene, curve, sign, within, until, panel)
+      if (panel > scene%form%n) return
+      begin = scene%form%edge(panel) - curve%t
+      if (begin >= until) return
     end do
   end subroutine turn_from
+
+  !> From a panel past all blocks on which sign*x stays above `within`.
+  pure subroutine pass_far(scene, curve, sign, within, until, panel)
+    type(scene_t), intent(in) :: scene
+    type(curve_t), intent(in) :: curve         !! arc, its series known
+    real(wp), intent(in) :: sign               !! +1 or -1
+    real(wp), intent(in) :: within             !! largest sign*x that is asked for
+    real(wp), intent(in) :: until              !! end of the arc
+    integer, intent(inout) :: panel            !! panel, then the one to be looked at next, or n + 1
+    real(wp) :: begin, finish
+    integer :: level, last
+    do while (panel <= scene%form%n)
+      begin = scene%form%edge(panel) - curve%t
+      if (begin >= until) return
+      do level = widest_level(scene%blocks%panels, panel), 1, -1
+        last = last_in_block(scene%blocks%panels, level, panel)
+        finish = min(scene%form%edge(last + 1) - curve%t, until)
+        if (block_bound(scene, curve, -sign, level, panel, begin, finish) < -within) exit
+      end do
+      if (level == 0) return
+      panel = last + 1
+    end do
+  end subroutine pass_far
 
   !> Largest sign*x over an arc, if it exceeds `least`; else `least`.
   pure real(wp) function farthest(scene, curve, sign, until, least)
@@ -102,7 +130,7 @@ contains
       end if
       if (until <= curve%near) then
         farthest = max(least, sign*curve%x)
-        call raise(sign*curve%taylor(0:curve%degree), 0.0_wp, until, farthest, found)
+        call raise_to_turn(sign*curve%taylor(0:curve%degree), 0.0_wp, until, farthest, found)
         if (found) return
       end if
       farthest = farthest_over_series(scene, curve, sign, until, least)
@@ -115,76 +143,6 @@ contains
     end if
   end function farthest
 
-  !> Raise `most` to the largest value of a polynomial of odd degree on an interval, if its second
-  !> derivative keeps its sign there: then it turns once or not at all.
-  pure subroutine raise(c, from, to, most, one_turn)
-    real(wp), intent(in) :: c(0:)              !! coefficients
-    real(wp), intent(in) :: from, to           !! interval
-    real(wp), intent(inout) :: most            !! largest value
-    logical, intent(out) :: one_turn           !! whether it does
-    real(wp) :: value, slope, bend, s, step, slopes(2)
-    integer :: i
-    one_turn = bend_beyond(c, max(abs(from), abs(to))) < 1.9_wp*abs(c(2))
-    if (.not. one_turn) return
-    slopes = 0
-    if (c(2) < 0) slopes = [horner_slope(c, from), horner_slope(c, to)]
-    if (slopes(1) <= 0 .or. slopes(2) >= 0) then
-      most = max(most, horner(c, from), horner(c, to))
-      return
-    end if
-    s = from + (to - from)*(slopes(1)/(slopes(1) - slopes(2)))
-    do i = 1, most_steps
-      call jet(ubound(c, 1), c, s, value, slope, bend)
-      step = -0.5_wp*slope/bend
-      if (abs(step) <= close_enough*(to - from)) exit
-      s = min(max(s + step, from), to)
-    end do
-    one_turn = i <= most_steps
-    if (one_turn) most = max(most, value + 0.5_wp*slope*step)
-  end subroutine raise
-
-  !> In flight over table pieces, or over a flank that stands: polynomials of degree five.
-  pure real(wp) function farthest_over_pieces(scene, curve, sign, until, least) result(most)
-    type(scene_t), intent(in) :: scene
-    type(curve_t), intent(in) :: curve         !! arc, its series known
-    real(wp), intent(in) :: sign               !! +1: the largest x, -1: the smallest
-    real(wp), intent(in) :: until              !! end of the arc
-    real(wp), intent(in) :: least              !! value known already
-    real(wp) :: c(0:max_degree), begin, to, x, v
-    integer :: piece
-    most = max(least, sign*curve%x)
-    c = curve%taylor(0:max_degree)
-    piece = curve%piece
-    begin = 0
-    do
-      to = min(scene%flank%knot(piece + 1) - curve%t, until)
-      call raise_on_piece(sign*c, to - begin, most)
-      if (to >= until .or. piece == scene%flank%n) return
-      x = horner(c, to - begin)
-      v = horner_slope(c, to - begin)
-      begin = to
-      piece = piece + 1
-      ! Off kinks the jump is rounding, but left out it would add up to a mean force.
-      c = flight_on_piece(scene, piece, x, v - scene%flank%slope_jump(piece))
-    end do
-  end function farthest_over_pieces
-
-  !> Raise `most` to the largest value of a polynomial on [0, length].
-  pure subroutine raise_on_piece(c, length, most)
-    real(wp), intent(in) :: c(0:max_degree)    !! coefficients
-    real(wp), intent(in) :: length             !! interval
-    real(wp), intent(inout) :: most            !! largest value
-    logical :: found
-    if (is_parabola(c)) then
-      call raise_to_largest(c, length, most)
-      return
-    end if
-    if (largest(bernstein_on(c, length)) <= most) return
-    call raise(c, 0.0_wp, length, most, found)
-    if (found) return
-    call raise_to_largest(c, length, most)
-  end subroutine raise_on_piece
-
   !> In flight over a series: from panel to panel, where a bound of what g bends tells how the
   !> motion turns between two known states.
   pure real(wp) function farthest_over_series(scene, curve, sign, until, least) result(most)
@@ -196,19 +154,13 @@ contains
     real(wp) :: begin, finish, from(2), to(2)
     integer :: panel, last
     most = max(least, sign*curve%x)
-    if (scene%blocks%panels > 0) call look_at_ends(scene, curve, sign, until, most)
-    from = sign*[curve%x, curve%v]
     panel = locate_panel(scene%form, curve%t)
+    if (scene%blocks%panels%levels > 0) call look_at_ends(scene, curve, sign, until, &
+        scene%blocks%panels%levels, panel, most)
+    from = sign*[curve%x, curve%v]
     begin = 0
     do
-      last = last_of_block(scene, panel)
-      finish = min(scene%form%edge(last + 1) - curve%t, until)
-      if (last > panel) then
-        if (block_bound(scene, curve, sign, panel, begin, finish) > most) then
-          last = panel
-          finish = min(scene%form%edge(last + 1) - curve%t, until)
-        end if
-      end if
+      call pass_block(scene, curve, sign, panel, begin, until, most, last, finish)
       to = sign*flight_in(scene, curve, last, finish)
       most = max(most, to(1))
       if (last == panel) call raise_in_panel(scene, curve, sign, panel, begin, finish, from, to, &
@@ -266,7 +218,7 @@ contains
       middle = here%middle - curve%t
     end associate
     call flight_series(scene, curve, panel, sign, 0.0_wp, series)
-    call raise(series, begin - middle, finish - middle, most, found)
+    call raise_to_turn(series, begin - middle, finish - middle, most, found)
     if (found) return
     s = begin
     do
@@ -291,18 +243,11 @@ contains
     real(wp) :: begin, finish
     integer :: panel, last
     most = max(least, sign*curve%x)
-    call look_at_ends(scene, curve, sign, until, most)
     panel = locate_panel(scene%form, curve%t)
+    call look_at_ends(scene, curve, sign, until, scene%blocks%panels%levels, panel, most)
     begin = 0
     do
-      last = last_of_block(scene, panel)
-      finish = min(scene%form%edge(last + 1) - curve%t, until)
-      if (last > panel) then
-        if (block_bound(scene, curve, sign, panel, begin, finish) > most) then
-          last = panel
-          finish = min(scene%form%edge(last + 1) - curve%t, until)
-        end if
-      end if
+      call pass_block(scene, curve, sign, panel, begin, until, most, last, finish)
       if (last == panel) call search_panel(begin, finish)
       if (finish >= until .or. last == scene%form%n) return
       begin = finish
@@ -328,18 +273,42 @@ contains
     end subroutine search_panel
   end function farthest_over_panels
 
-  !> Raise `most` to the largest sign*x at the ends of blocks, or of panels where there are none.
-  pure subroutine look_at_ends(scene, curve, sign, until, most)
+  !> The widest block that a panel begins over which sign*x stays below `most`; else the panel.
+  !> Where one does not, the ends of the blocks in it raise `most` first.
+  pure subroutine pass_block(scene, curve, sign, panel, begin, until, most, last, finish)
     type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc, its series known
     real(wp), intent(in) :: sign               !! +1 or -1
-    real(wp), intent(in) :: until              !! end of the arc
+    integer, intent(in) :: panel
+    real(wp), intent(in) :: begin, until       !! when it begins, when the arc ends
+    real(wp), intent(inout) :: most            !! largest value
+    integer, intent(out) :: last               !! last panel of the block
+    real(wp), intent(out) :: finish            !! when it ends, or the arc
+    integer :: level
+    do level = widest_level(scene%blocks%panels, panel), 0, -1
+      last = last_in_block(scene%blocks%panels, level, panel)
+      finish = min(scene%form%edge(last + 1) - curve%t, until)
+      if (level == 0) return
+      if (block_bound(scene, curve, sign, level, panel, begin, finish) <= most) return
+      if (level > 1) call look_at_ends(scene, curve, sign, finish, level - 1, panel, most)
+    end do
+  end subroutine pass_block
+
+  !> Raise `most` to the largest sign*x at the ends of blocks, or of panels where there are none.
+  pure subroutine look_at_ends(scene, curve, sign, until, widest, first, most)
+    type(scene_t), intent(in) :: scene
+    type(curve_t), intent(in) :: curve         !! arc, its series known
+    real(wp), intent(in) :: sign               !! +1 or -1
+    real(wp), intent(in) :: until              !! end of the arc, or of what is looked at
+    integer, intent(in) :: widest              !! level of blocks, at most
+    integer, intent(in) :: first               !! panel
     real(wp), intent(inout) :: most            !! largest value
     real(wp) :: finish, x, v
     integer :: last
-    last = locate_panel(scene%form, curve%t)
+    last = first
     do
-      last = last_of_block(scene, last)
+      last = last_in_block(scene%blocks%panels, min(widest, widest_level(scene%blocks%panels, &
+          last)), last)
       finish = scene%form%edge(last + 1) - curve%t
       if (finish >= until) exit
       if (.not. curve%contact .and. finish > curve%near) then
@@ -357,44 +326,30 @@ contains
     most = max(most, sign*x)
   end subroutine look_at_ends
 
-  !> Last panel of the block that a panel begins, or the panel itself.
-  pure integer function last_of_block(scene, panel) result(last)
-    type(scene_t), intent(in) :: scene
-    integer, intent(in) :: panel
-    last = panel
-    if (scene%blocks%panels == 0) return
-    if (mod(panel - 1, scene%blocks%panels) /= 0) return
-    last = min(panel + scene%blocks%panels - 1, scene%form%n)
-  end function last_of_block
-
   !> Upper bound of sign*x over a block, in flight from ranges of g and of the parabola, in contact
-  !> from the range of the response and the size of the free oscillation, which never grows.
-  pure real(wp) function block_bound(scene, curve, sign, panel, begin, finish) result(bound)
+  !> from the range of the response and the size of the free oscillation, which never grows and in a
+  !> short block changes little.
+  pure real(wp) function block_bound(scene, curve, sign, level, panel, begin, finish) result(bound)
     type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc
     real(wp), intent(in) :: sign               !! +1 or -1
-    integer, intent(in) :: panel               !! first panel of the block
+    integer, intent(in) :: level               !! of the block
+    integer, intent(in) :: panel               !! its first panel
     real(wp), intent(in) :: begin, finish      !! times since the arc began
-    associate (block => scene%blocks%over((panel - 1)/scene%blocks%panels + 1))
+    real(wp) :: size, free(2)
+    associate (block => scene%blocks%over(block_at(scene%blocks%panels, level, panel)))
       if (curve%contact) then
-        bound = sign*scene%force + free_size(curve%free) &
-            + merge(block%q_high, -block%q_low, sign > 0)
+        size = free_size(curve%free)
+        bound = sign*scene%force + merge(block%q_high, -block%q_low, sign > 0)
+        if (scene%blocks%panels%levels > 1 .and. finish - begin < 1) then
+          free = free_after(scene%form%damping, curve%free, begin, scene%form%graded)
+          bound = bound + min(size, sign*free(1) + size*(finish - begin))
+        else
+          bound = bound + size
+        end if
       else
         bound = flight_bound(scene, curve, sign, begin, finish, block%g_low, block%g_high)
       end if
     end associate
   end function block_bound
-
-  !> The same in flight, from the range of g there.
-  pure real(wp) function flight_bound(scene, curve, sign, begin, finish, g_low, g_high) &
-      result(bound)
-    type(scene_t), intent(in) :: scene
-    type(curve_t), intent(in) :: curve         !! arc
-    real(wp), intent(in) :: sign               !! +1 or -1
-    real(wp), intent(in) :: begin, finish      !! times since the arc began
-    real(wp), intent(in) :: g_low, g_high      !! range of g between them
-    real(wp) :: low, high
-    call range_of_flight(scene, curve, begin, finish, low, high)
-    bound = merge(high - g_low, g_high - low, sign > 0)
-  end function flight_bound
 end module lapwing_flow_exact_extrema

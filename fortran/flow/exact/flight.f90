@@ -7,8 +7,9 @@ module lapwing_flow_exact_flight
   use lapwing_kinds, only: wp
   use lapwing_codes, only: no_flank, drive_flank, coast_flank
   use lapwing_flow_exact_curve, only: scene_t, curve_t, expand_start, expand_fully, is_smooth
-  use lapwing_flow_exact_motion, only: curve_at, fly_from, flight_series, flight_on_piece, &
-      range_of_flight
+  use lapwing_flow_exact_motion, only: curve_at, fly_from, fly_to_knot, flight_series, &
+      flight_on_piece, range_of_flight
+  use lapwing_flow_exact_interval_bounds, only: widest_level, block_at, last_in_block
   use lapwing_flow_exact_panels, only: closed_form_t, locate_panel, start_order, reach
   use lapwing_system_oscillation, only: n_taylor
   use lapwing_flow_exact_root_search, only: target_t, first_crossing, quick_return, only_zero
@@ -100,7 +101,7 @@ contains
     integer, intent(in) :: touching            !! flank at zero distance, left at s = 0
     real(wp), intent(in) :: stop               !! latest end
     type(end_t), intent(out) :: at             !! the end
-    real(wp) :: c(0:max_degree), g(0:max_degree), begin, to, s, x, v
+    real(wp) :: c(0:max_degree), begin, to, s, x, v
     integer :: piece, next, left
     c = curve%taylor(0:max_degree)
     piece = curve%piece
@@ -117,15 +118,14 @@ contains
       begin = to
       piece = piece + 1
       next = piece
-      if (scene%blocks%pieces > 0) call pass_blocks(scene, curve, wall, stop, next)
+      if (scene%blocks%pieces%levels > 0) call pass_blocks(scene, curve, wall, stop, next)
       x = at%x
       ! Off kinks the jump is rounding, but left out it would add up to a mean force.
       v = at%v - scene%flank%slope_jump(piece)
       if (next > piece) then
         piece = next
         begin = scene%flank%knot(piece) - curve%t
-        call scene%flank%taylor(piece, scene%flank%knot(piece), g)
-        call fly_from(scene, curve, begin, g(0), g(1), x, v)
+        call fly_to_knot(scene, curve, piece, x, v)
       end if
       c = flight_on_piece(scene, piece, x, v)
     end do
@@ -139,25 +139,35 @@ contains
     real(wp), intent(in) :: wall(2)            !! positions of the flanks
     real(wp), intent(in) :: stop               !! latest end
     integer, intent(inout) :: piece            !! piece, then the one to be looked at next
-    real(wp) :: finish, low, high
-    integer :: block, after
-    do
-      if (mod(piece - 1, scene%blocks%pieces) /= 0) return
-      block = (piece - 1)/scene%blocks%pieces + 1
-      after = min(piece + scene%blocks%pieces, scene%flank%n + 1)
-      finish = min(scene%flank%knot(after) - curve%t, stop)
+    real(wp) :: finish
+    integer :: level, after
+    associate (row => scene%blocks%pieces)
+      do
+        do level = widest_level(row, piece), 1, -1
+          after = last_in_block(row, level, piece) + 1
+          finish = min(scene%flank%knot(after) - curve%t, stop)
+          if (is_between(block_at(row, level, piece))) exit
+        end do
+        if (level == 0) return
+        if (finish >= stop) then
+          ! The piece with the stop in it, or at its end, is looked at like any other.
+          after = locate_piece(scene%flank, curve%t + stop, after - 1)
+          if (scene%flank%knot(after) - curve%t >= stop) after = after - 1
+          piece = max(piece, after)
+          return
+        end if
+        piece = after
+      end do
+    end associate
+  contains
+    !> Whether the tooth stays between the flanks, over a block up to `finish`.
+    pure logical function is_between(block)
+      integer, intent(in) :: block
+      real(wp) :: low, high
       call range_of_flight(scene, curve, scene%flank%knot(piece) - curve%t, finish, low, high)
-      if (high >= scene%blocks%g_low(block) + wall(1) &
-          .or. low <= scene%blocks%g_high(block) + wall(2)) return
-      if (finish >= stop) then
-        ! The piece with the stop in it, or at its end, is looked at like any other.
-        after = locate_piece(scene%flank, curve%t + stop, after - 1)
-        if (scene%flank%knot(after) - curve%t >= stop) after = after - 1
-        piece = max(piece, after)
-        return
-      end if
-      piece = after
-    end do
+      is_between = high < scene%blocks%g_low(block) + wall(1) &
+          .and. low > scene%blocks%g_high(block) + wall(2)
+    end function is_between
   end subroutine pass_blocks
 
   !> First wall that a polynomial meets: a parabola by formula, any other by isolating its roots.

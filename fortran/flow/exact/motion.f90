@@ -11,8 +11,9 @@ module lapwing_flow_exact_motion
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope
   implicit none
   private
-  public :: curve_at, curve_taylor, rest_after, acceleration_at, fly_from
-  public :: free_in_middle, contact_series, flight_series, flight_on_piece, range_of_flight
+  public :: curve_at, curve_taylor, rest_after, acceleration_at, fly_from, fly_to_knot
+  public :: free_in_middle, contact_series, flight_series, flight_on_piece, range_of_flight, &
+      flight_bound
 
 contains
 
@@ -124,6 +125,17 @@ contains
     x = curve%x + (rate + 0.5_wp*scene%force*s)*s - (g - curve%flank(1))
     v = rate + scene%force*s - slope
   end subroutine fly_from
+
+  !> Position and velocity of a flight at the beginning of a piece.
+  pure subroutine fly_to_knot(scene, curve, piece, x, v)
+    type(scene_t), intent(in) :: scene
+    type(curve_t), intent(in) :: curve         !! arc
+    integer, intent(in) :: piece
+    real(wp), intent(out) :: x, v              !! position and velocity
+    real(wp) :: g(0:max_degree)
+    call scene%flank%taylor(piece, scene%flank%knot(piece), g)
+    call fly_from(scene, curve, scene%flank%knot(piece) - curve%t, g(0), g(1), x, v)
+  end subroutine fly_to_knot
 
   !> Position and velocity in contact where the response is known.
   pure subroutine add_free_part(scene, curve, s, q, x, v)
@@ -246,4 +258,17 @@ contains
     low = min(first, last) - max(sag, 0.0_wp)
     high = max(first, last) - min(sag, 0.0_wp)
   end subroutine range_of_flight
+
+  !> Upper bound of sign*x in a flight between two times, from the range of g there.
+  pure real(wp) function flight_bound(scene, curve, sign, begin, finish, g_low, g_high) &
+      result(bound)
+    type(scene_t), intent(in) :: scene
+    type(curve_t), intent(in) :: curve         !! arc
+    real(wp), intent(in) :: sign               !! +1 or -1
+    real(wp), intent(in) :: begin, finish      !! times since the arc began
+    real(wp), intent(in) :: g_low, g_high      !! range of g between them
+    real(wp) :: low, high
+    call range_of_flight(scene, curve, begin, finish, low, high)
+    bound = merge(high - g_low, g_high - low, sign > 0)
+  end function flight_bound
 end module lapwing_flow_exact_motion

@@ -32,7 +32,8 @@ module lapwing_flow_exact_panels
   !> first six terms leave out of a free oscillation of size E at most (0.66)**6/720 E = 1.1e-4 E.
   real(wp), parameter :: panel_span = &
       2*(0.25_wp*epsilon(1.0_wp)*20922789888000.0_wp)**(1.0_wp/16)
-  integer, parameter :: most_panels = 100000   !! of a scene that is not graded; some 70 MB
+  !> Of a scene that is not graded, besides a table's pieces; some 60 MB.
+  integer, parameter :: most_panels = 100000
   !> A Taylor series of order n is exact to rounding where rate*s is below its reach: the first term
   !> left out, (rate*s)**(n + 1)/(n + 1)!, against the second one, (rate*s)**2/2.
   integer, parameter :: start_order = 13   !! highest order of a series about an arc's beginning
@@ -83,12 +84,12 @@ module lapwing_flow_exact_panels
 
 contains
 
-  !> Panels that are short against all rates of a scene, at most.
-  pure real(wp) function ordinary_panels(period, rate, pieces)
+  !> Panels that are short against all rates of a scene; a table has as many more as it has pieces,
+  !> at most.
+  pure real(wp) function ordinary_panels(period, rate)
     real(wp), intent(in) :: period                  !! mesh period
     real(wp), intent(in) :: rate                    !! fastest rate
-    integer, intent(in) :: pieces                   !! of a table; 0 with a series
-    ordinary_panels = period*rate/panel_span + pieces
+    ordinary_panels = period*rate/panel_span
   end function ordinary_panels
 
   !> Even panels.

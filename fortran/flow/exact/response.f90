@@ -59,7 +59,7 @@ contains
     self%fastest = max(self%fastest, self%fastest_in_flight)
     self%g_bound = bound_derivative(series, bound_order)
     self%q_bound = bound_derivative(self%q, bound_order)
-    self%graded = ordinary_panels(self%period, self%fastest, 0) > most
+    self%graded = ordinary_panels(self%period, self%fastest) > most
     call cut_evenly(self, error)
     if (error == 0) call sample_series(self, series)
   end subroutine respond_to_series
@@ -69,7 +69,7 @@ contains
     type(te_table_t), intent(in) :: table           !! g
     integer, intent(in) :: most                     !! panels, before the scene is graded
     integer, intent(out) :: error                   !! 0, or there is no memory for it
-    self%graded = ordinary_panels(self%period, self%fastest, table%n) > most
+    self%graded = ordinary_panels(self%period, self%fastest) > most
     call cut_pieces(self, table, error)
     if (error /= 0) return
     if (self%graded) then
