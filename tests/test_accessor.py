@@ -144,3 +144,30 @@ def test_a_bar_is_told_the_fraction_done(monkeypatch):
     with lapwing.progress_bar("torques") as done:
         lapwing.sweep(PAIR, SHIPPED, **SWEPT, progress=done)
     assert told and told[-1] == 1.0
+
+
+@pytest.mark.parametrize(("cut", "why"), [
+    ({"start": 0}, r"of start it has a single value and no axis: isel\(start=\[i\]\) keeps one"),
+    ({"brake_torque": 1}, "of brake_torque it has a single value"),
+    ({"brake_torque": slice(0, 0)}, "nothing is left of brake_torque"),
+    ({"recorded_cycle": slice(0, 0)}, "nothing is left of recorded_cycle"),
+    ({"impact": slice(0, 1)}, "parts do not belong together")])
+def test_figures_say_what_was_cut_away(cut, why, swept):
+    with pytest.raises((AttributeError, ValueError), match=f"orbit_diagram.*{why}"):
+        swept.isel(cut).lapwing.orbit_diagram()
+
+
+def test_a_map_without_an_axis_has_no_figures():
+    whole = lapwing.parameter_map(
+        PAIR, SHIPPED, {"brake_torque": [1.8, 3.3], "pinion_speed_rpm": [240, 300]}, settle=0,
+        record=1, impact_law="absolute")
+    assert "map_depth" in whole.lapwing.figures()
+    line = whole.isel(pinion_speed_rpm=0)
+    assert line.lapwing.figures() == ()
+    with pytest.raises(AttributeError, match="of pinion_speed_rpm it has a single value"):
+        line.lapwing.map_depth()
+
+
+def test_a_mistake_in_a_call_is_not_taken_for_a_cut(swept):
+    with pytest.raises(TypeError, match="no option 'colour'"):
+        swept.lapwing.orbit_diagram(colour="red")

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from lapwing.model.gear_pair import GearPair
 
 SPEED_UNITS = ("rad/s", "m/s")
+# What a figure runs into where a part of a Dataset is missing.
+UNFIT = (LookupError, TypeError, ValueError)
 
 
 class LapwingAccessor:
@@ -189,13 +191,29 @@ class LapwingAccessor:
 
     def figures(self) -> tuple[str, ...]:
         """Names of the figures that this Dataset can be drawn as, methods of this object."""
-        from lapwing.plots import shows
-
         if "stable_range" in self._dataset.dims:
-            return ("bifurcation",) if shows("bifurcation", self._dataset) else ()
+            return ("bifurcation",) if self._shows("bifurcation") else ()
         return tuple(module.rpartition(".")[2] for study in STUDIES.values()
                      if study.kind == self._kind() for module in study.figures
-                     if shows(module, self._dataset))
+                     if self._shows(module))
+
+    def _shows(self, module: str) -> bool:
+        from lapwing.plots import shows
+
+        try:
+            return shows(module, self._dataset)
+        except UNFIT:
+            if self._cut_away():
+                return False
+            raise
+
+    def _cut_away(self) -> str:
+        """What `isel` or `sel` took out of a Dataset, in words; empty text, nothing is seen."""
+        single = [str(name) for name, one in self._dataset.coords.items() if one.ndim == 0]
+        empty = [str(name) for name, size in self._dataset.sizes.items() if size == 0]
+        return "; ".join(
+            [f"of {name} it has a single value and no axis: isel({name}=[i]) keeps one"
+             for name in single] + [f"nothing is left of {name}" for name in empty])
 
     def _kind(self) -> str:
         """Which kind of study it comes from; empty where that cannot be told."""
@@ -228,7 +246,15 @@ class LapwingAccessor:
         def drawn(gear_pair: GearPair | Mapping[str, Any] | None = None, **options: Any) -> Figure:
             if gear_pair is not None and not isinstance(gear_pair, Mapping):
                 gear_pair = pair_attributes(gear_pair)
-            return figure_of(name, self._dataset, gear_pair=gear_pair, **options)
+            try:
+                return figure_of(name, self._dataset, gear_pair=gear_pair, **options)
+            except UNFIT as error:
+                why = self._cut_away()
+                if not why and not isinstance(error, LookupError):
+                    raise
+                raise ValueError(f"figure {name} cannot be drawn of this Dataset: " + (
+                    why or "its parts do not belong together any more (some were cut, others "
+                           "not)")) from error
 
         return drawn
 
@@ -238,8 +264,9 @@ class LapwingAccessor:
         every = [one for study in STUDIES.values() for one in study.figure_names]
         why = "this Dataset has not what the figure shows" if name in every else \
             nearest(name, [*methods, *figures], 3)
-        return f"no method or figure {name!r} of this Dataset, {why}; its figures are " \
-               f"{', '.join(figures) or 'none'}"
+        cut = self._cut_away() if name in every else ""
+        return f"no method or figure {name!r} of this Dataset, {why}{f' ({cut})' * bool(cut)}; " \
+               f"its figures are {', '.join(figures) or 'none'}"
 
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *self.figures()})
