@@ -12,20 +12,19 @@
 !> Where the mesh is so slow against the spring or the damper that this would take too many panels,
 !> the scene is *graded*: panels are short against the flank's motion alone, a table's pieces are
 !> one panel each but for a few, and q is the response that moves with its piece alone
-!> (`lapwing_flow_exact_piece_response`). A contact then ends at each knot, and what is fast is in
+!> (`lapwing_flow_exact_response`). A contact then ends at each knot, and what is fast is in
 !> d, which `lapwing_flow_exact_slow_contact` follows as long as it lasts.
 module lapwing_flow_exact_panels
   use lapwing_kinds, only: wp
   use lapwing_flank_series, only: harmonic_series_t
   use lapwing_flank_table, only: te_table_t
-  use lapwing_flow_exact_piece_response, only: has_slow_response
   use lapwing_polynomial_evaluation, only: max_degree, jet, bernstein_about
   use lapwing_system_oscillation, only: damped_t, free_matrix, n_taylor
   implicit none
   private
   public :: closed_form_t, panel_t, cut_evenly, cut_pieces, copy_panels, bound_free_part
   public :: locate_panel, response_at, response_on, free_size, ordinary_panels, reach
-  public :: panel_span, most_panels, start_order, bound_order
+  public :: has_slow_response, panel_span, most_panels, start_order, bound_order
 
   !> A panel lasts at most this over the fastest rate: the first term that a series of order 15
   !> about its middle leaves out, (rate*half)**16/16!, is a quarter of a rounding, and what the
@@ -184,6 +183,16 @@ contains
     end if
     parts_of = max(1, ceiling(width*self%fastest/panel_span))
   end function parts_of
+
+  !> Whether a piece has a response that is as slow as the flank: it must last long against the
+  !> time constant of what the response leaves out, or its terms cancel.
+  pure logical function has_slow_response(damping, width, span) result(has)
+    type(damped_t), intent(in) :: damping
+    real(wp), intent(in) :: width              !! of the piece
+    real(wp), intent(in) :: span               !! time constants that count as long
+    has = width*max(1.0_wp, 2*damping%xi) > span
+    if (has .and. .not. damping%apart) has = width*damping%slow_rate >= span
+  end function has_slow_response
 
   !> For each cell of an even grid the panel at its beginning.
   pure subroutine make_look_up(self)

@@ -1,5 +1,5 @@
 !> How far a flight goes over table pieces, or over a flank that stands.
-module lapwing_flow_exact_farthest_over_pieces
+module lapwing_flow_exact_piecewise_extrema
   use lapwing_kinds, only: wp
   use lapwing_flow_exact_curve, only: scene_t, curve_t
   use lapwing_flow_exact_motion, only: fly_to_knot, flight_on_piece, flight_bound
@@ -132,4 +132,4 @@ contains
     if (found) return
     call raise_to_largest(c, length, most)
   end subroutine raise_on_piece
-end module lapwing_flow_exact_farthest_over_pieces
+end module lapwing_flow_exact_piecewise_extrema
