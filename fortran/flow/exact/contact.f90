@@ -25,9 +25,9 @@ module lapwing_flow_exact_contact
   !> be off. From there on it is computed from the arc's beginning, for one exponential and one pair
   !> of sines. With 2 and 8 random scenes have the same events.
   integer, parameter :: well_rounded = 4
-  !> Times that a contact is begun anew where knots are very many. One that is over them after a time
-  !> s keeps the digits of its velocity but for 4 EPS/s; s is no shorter than the 1e-3 of a period
-  !> that so many of 100,000 pieces are, and what is shorter keeps all.
+  !> Times that a contact is begun anew where knots are very many. One that lasts no longer keeps
+  !> all its digits; one that ends after a longer time s keeps them but for some 4 EPS/s. So many of
+  !> a million even pieces are 1e-4 of a period.
   integer, parameter :: most_begun = 128
   !> Rounding of a free oscillation that is carried over blocks of all levels and their members, a
   !> few hundred steps, over its size: far from above.

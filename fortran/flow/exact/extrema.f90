@@ -24,8 +24,8 @@ module lapwing_flow_exact_extrema
 contains
 
   !> First time after `from`, which is zero or such a time itself, where the velocity relative to
-  !> the flank changes sign; of turns with sign*x > within some may be left out. Where a tooth stands
-  !> still on its flank rounding does so without end: that is leapt over, ever farther.
+  !> the flank changes sign; of turns with sign*x > within some may be left out. Where a tooth
+  !> stands still on its flank rounding does so without end: that is leapt over, ever farther.
   pure subroutine next_turn(scene, curve, sign, within, from, until, found, s)
     type(scene_t), intent(in) :: scene
     type(curve_t), intent(in) :: curve         !! arc, its series known

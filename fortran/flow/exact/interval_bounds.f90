@@ -14,8 +14,8 @@ module lapwing_flow_exact_interval_bounds
   !> Fewer than this are looked at one by one. Nothing but speed depends on it, and that little:
   !> with 24 or 96 a cycle over 16 to 192 knots takes up to a fifth more or a tenth less time.
   integer, parameter :: least_many = 48
-  !> Of more than this there are several levels of blocks, `usual_fan` members each; sizes stay below
-  !> 2**31. With 8 or 128 a cycle over a million knots takes up to a third more time.
+  !> Of more than this there are several levels of blocks, `usual_fan` members each; sizes stay
+  !> below 2**31.
   integer, parameter :: very_many = most_panels, usual_fan = 32, most_levels = 5
 
   !> How a row of n members is cut into blocks. Members of a wider level are whole blocks.
