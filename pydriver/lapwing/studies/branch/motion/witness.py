@@ -176,8 +176,8 @@ def agrees(layout: Layout, z: NDArray[Any], found: Seen) -> bool:
     if found.layout is None:
         return False
     phase = z[:-1:2]
-    one = _told(layout, phase, unlisted(layout, found.layout))
-    two = _told(found.layout, found.phase, unlisted(found.layout, layout))
+    one = _told(layout, phase, unlisted(layout, phase, found.layout, found.phase))
+    two = _told(found.layout, found.phase, unlisted(found.layout, found.phase, layout, phase))
     if len(one) != len(two) or not len(one):
         return len(one) == len(two)
     one, two = (rows[np.argsort(np.mod(rows[:, 0], layout.cycles))] for rows in (one, two))
@@ -200,25 +200,29 @@ def _told(layout: Layout, phase: NDArray[Any], last: NDArray[Any]) -> NDArray[An
     return np.column_stack([phase, layout.kind, layout.flank])[told]
 
 
-def unlisted(layout: Layout, other: Layout) -> NDArray[Any]:
+def unlisted(layout: Layout, phase: NDArray[Any], other: Layout,
+             theirs: NDArray[Any]) -> NDArray[Any]:
     """Numbers of the last bounces of chatters that another list of the same events has summed.
 
-    None where it has other chatters.
+    Parameters
+    ----------
+    layout, other : Layout
+    phase, theirs : phases of their events; chatters that end together are one
+
+    Returns
+    -------
+    int array; empty where the other has other chatters
     """
-    ends, theirs = (np.flatnonzero(one.kind == Happening.CHATTER_END) for one in (layout, other))
-    if len(ends) != len(theirs):
+    ends, others = (np.flatnonzero(one.kind == Happening.CHATTER_END) for one in (layout, other))
+    if len(ends) != len(others):
         return np.empty(0, dtype=int)
-    best: list[int] | None = None
-    for shift in range(len(ends)):
-        # Which chatter comes first depends on where a list begins.
-        found, fits = [], True
-        for end, their in zip(ends, np.roll(theirs, shift), strict=True):
-            own, of_other = _bounces_before(layout, int(end)), _bounces_before(other, int(their))
-            fits &= layout.flank[end] == other.flank[their]
-            found += [int(k % layout.n) for k in range(end - max(0, own - of_other), end)]
-        if fits and (best is None or len(found) < len(best)):
-            best = found
-    return np.array(best or [], dtype=int)
+    found: list[int] = []
+    for end in map(int, ends):
+        away = (theirs[others] - phase[end]) / layout.cycles
+        their = int(others[np.argmin(np.abs(away - np.round(away)))])
+        summed = max(0, _bounces_before(layout, end) - _bounces_before(other, their))
+        found += [k % layout.n for k in range(end - summed, end)]
+    return np.array(found, dtype=int)
 
 
 def _bounces_before(layout: Layout, end: int) -> int:
@@ -238,11 +242,11 @@ def turns_of(layout: Layout, z: NDArray[Any], found: Seen) -> list[Turn]:
     return turns
 
 
-def distance_at_turn(problem: Problem, layout: Layout, z: NDArray[Any],
-                     turn: Turn) -> tuple[float, float]:
+def distance_at_turn(problem: Problem, layout: Layout, z: NDArray[Any], turn: Turn,
+                     course: Course | None = None) -> tuple[float, float]:
     """Distance pressed into the flank (negative: off it) where it turns, over the scale; its phase.
 
-    NaN where it turns nowhere near.
+    NaN where it turns nowhere near. The course is that of the motion, if it is known.
     """
     osc = problem.oscillator(problem.value(z))
     motion = problem.motions.of(osc)
@@ -252,7 +256,7 @@ def distance_at_turn(problem: Problem, layout: Layout, z: NDArray[Any],
     contact = layout.arc[turn.arc] == Arc.CONTACT
     begin = z[2 * ((turn.arc - 1) % layout.n)]
     length = layout.cycles - np.mod(begin - z[2 * turn.arc], layout.cycles)
-    last, course = np.inf, Course(problem, layout, z)
+    last, course = np.inf, course or Course(problem, layout, z)
     for _ in range(50):
         _, phi, rate = (float(one[0]) for one in course.at(np.array([phase])))
         g = motion.derivatives(np.array([phase]), motion.piece(np.array([phase])))[:, 0]

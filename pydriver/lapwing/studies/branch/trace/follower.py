@@ -30,6 +30,7 @@ from lapwing.studies.branch.motion.curve import (
 )
 from lapwing.studies.branch.motion.layout import Layout
 from lapwing.studies.branch.motion.witness import (
+    Course,
     Turn,
     distance_at_turn,
 )
@@ -170,10 +171,11 @@ class Follower:
     def turns_passed(self, place: Place, turns: list[Turn], ahead: Place,
                      step: float) -> list[Crossing]:
         """Turns that lie off a flank (or inside it) at a place and no longer ahead."""
-        found = []
+        found, courses = [], [Course(self.problem, p.layout, p.z) for p in (place, ahead)]
         for turn in turns:
-            one, at = distance_at_turn(self.problem, place.layout, place.z, turn)
-            two, _ = distance_at_turn(self.problem, ahead.layout, ahead.z, replace(turn, phase=at))
+            one, at = distance_at_turn(self.problem, place.layout, place.z, turn, courses[0])
+            two, _ = distance_at_turn(self.problem, ahead.layout, ahead.z, replace(turn, phase=at),
+                                      courses[1])
             if not (math.isfinite(one) and math.isfinite(two)) or one * two > 0:
                 continue
             seed = [at]

@@ -182,11 +182,16 @@ def _taken(follower: Follower, place: Place, turns: list[Turn], borders: Borders
         if agrees(ahead.layout, ahead.z, found):
             longer = min(LONGEST, step * (2.0 if count <= 3 or step < FIRST_STEP else
                                           1.3 if count <= 5 else 1.0))
-            return Taken(ahead, step, None, _renewed(follower, ahead, found),
-                         turns_of(ahead.layout, ahead.z, found), longer)
+            after = _renewed(follower, ahead, found)
+            return Taken(ahead, step, None, after, turns_of(after.layout, after.z, found), longer)
         passed = follower.turns_passed(place, turns, ahead, step)
         if not passed:
             raise NotCorrected("the engine sees another motion")
+    else:
+        # A flank may be touched before the border.
+        border = min(passed, key=lambda one: one.at)
+        if border.at > 0:
+            passed += follower.turns_passed(place, turns, border.place, border.at)
     first = min(passed, key=lambda one: one.at)
     return Taken(first.place, step, first, first.place, [], step)
 
@@ -200,7 +205,7 @@ def _renewed(follower: Follower, place: Place, found: Seen) -> Place:
             found.phase, found.speed, follower.problem.value(place.z)))
         if layout.n == place.layout.n:
             return place
-        summed = unlisted(place.layout, layout)
+        summed = unlisted(place.layout, place.z[:-1:2], layout, z[:-1:2])
         if len(summed) == place.layout.n - layout.n:
             return _without_bounces(follower, place, summed)
         if abs(place.tangent[-1]) < 0.3:
