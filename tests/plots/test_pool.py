@@ -130,10 +130,12 @@ from lapwing.results import read_results
 plots.FIGURES["response"] = ("response.impact_section", "response.history")
 with signals.listen():
     try:
-        with read_results({file!r}) as results, DrawingPool(2) as pool:
-            while True:
-                plots.draw_all(results, {folder!r}, pool=pool, progress=lambda share: print(
-                    *(process.pid for process in pool._workers.values()), flush=True))
+        with read_results({file!r}) as results:
+            results.transmission_error  # the file is open when the pool begins
+            with DrawingPool(2) as pool:
+                while True:
+                    plots.draw_all(results, {folder!r}, pool=pool, progress=lambda share: print(
+                        *(process.pid for process in pool._workers.values()), flush=True))
     except KeyboardInterrupt:
         sys.exit(130)
 """

@@ -7,6 +7,7 @@ import ctypes
 import gc
 import os
 import signal
+import stat
 import subprocess
 import sys
 import threading
@@ -281,11 +282,18 @@ def _load(names: tuple[str, ...]) -> None:
 
 
 def _close_all_but(*numbers: int) -> None:
-    """Close what was inherited: locks of folders, and pipes whose end somebody waits for."""
-    for name in os.listdir("/proc/self/fd"):
-        if int(name) > 2 and int(name) not in numbers:
+    """Close what was inherited: locks of folders, and pipes whose end somebody waits for.
+
+    Not what is only read: of a result file that the caller has open, HDF5 opens no second one.
+    """
+    import fcntl
+
+    for number in map(int, os.listdir("/proc/self/fd")):
+        if number > 2 and number not in numbers:
             with contextlib.suppress(OSError):
-                os.close(int(name))
+                writes = fcntl.fcntl(number, fcntl.F_GETFL) & (os.O_WRONLY | os.O_RDWR)
+                if writes or not stat.S_ISREG(os.fstat(number).st_mode):
+                    os.close(number)
 
 
 def _end_with_parent() -> None:
