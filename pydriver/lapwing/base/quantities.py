@@ -151,7 +151,8 @@ CODES: dict[str, type[IntEnum]] = {
     "range_high_kind": SpecialPoint, "ending": Ending, "point_motion_state": MotionState,
     "start_motion_state": MotionState, "rattling_low_kind": SpecialPoint,
     "rattling_high_kind": SpecialPoint, "event_happening": BranchEvent, "event_flank": Flank,
-    "motion_kind": FoundMotion, "motion_begun": FoundFrom}
+    "motion_kind": FoundMotion, "motion_begun": FoundFrom, "curve_kind": SpecialPoint,
+    "meeting_kind": SpecialPoint, "meeting_outcome": BranchOutcome}
 RATE = "rad per tau"
 # Columns of each table, in the engine's order: name -> unit. Velocities of an event are relative
 # to the flank touched; `t` is the time since the cycle's beginning; `flight_depth` the greatest
@@ -331,6 +332,13 @@ DESCRIPTIONS: dict[str, tuple[str | None, str]] = {
     "motion_distance": ("1", "distance of the motion from its branch, part of its size"),
     "motion_phi": ("rad", "relative angle at mesh phase 0"),
     "motion_phi_dot": ("rad", f"rate of the relative angle at mesh phase 0, {VELOCITY}"),
+    "curve_kind": (None, "kind of the curve's special points"),
+    "curve_branch": ("1", "number of the branch that the curve begins on, from 1"),
+    "curve_cycles": ("1", "mesh cycles after which the motion repeats"),
+    "curve_number": ("1", "number of the curve, from 1"),
+    "meeting_curve": ("1", "number of the curve, from 1"),
+    "meeting_kind": (None, "what meets the curve or ends it"),
+    "meeting_outcome": (None, "what becomes of the curve there"),
     **{f"rattling_{end}_kind": (None, f"what ends the rattling at the {end} end")
        for end in ("low", "high")},
     **{f"rattling_{end}_branch": ("1", f"number of the branch at the {end} end, 0: none")

@@ -210,7 +210,7 @@ def attempt(results: Any, task: Task, folder: Path) -> Problem | None:
 
 
 # What figures may be told besides their data; each takes what it needs of it.
-OPTIONS = ("gear_pair", "title", "full_engagement", "claims", "marks", "sweeps")
+OPTIONS = ("gear_pair", "title", "full_engagement", "claims", "marks", "sweeps", "curves")
 
 
 def figure_of(figure: str, dataset: xr.Dataset, **options: Any) -> Figure:
@@ -270,7 +270,10 @@ def _options(results: Any, task: Task) -> dict[str, Any]:
         return {"title": f"{deck}, sweep '{task.name}': {shown}",
                 "claims": _claims(results, str(task.name)),
                 "marks": _marks(results, parameter_of(results.sweep(task.name)))}
-    if task.kind in ("map", "ensemble", "attractors", "basins"):
+    if task.kind == "map":
+        return {"title": f"{results.attrs.get('deck_name', '')}, {task.kind} '{task.name}'",
+                "curves": _curves(results, results.study(task.kind, task.name))}
+    if task.kind in ("ensemble", "attractors", "basins"):
         return {"title": f"{results.attrs.get('deck_name', '')}, {task.kind} '{task.name}'"}
     if task.kind == "branches":
         parameter = results.study(task.kind, task.name).attrs["parameter"]
@@ -281,6 +284,14 @@ def _options(results: Any, task: Task) -> dict[str, Any]:
         parameter = results.critical(task.name).attrs["parameter"]
         return {"marks": _marks(results, parameter, besides=task.name)}
     return {}
+
+
+def _curves(results: Any, plane: xr.Dataset) -> list[xr.Dataset]:
+    """Diagrams whose curves lie in the plane of a map."""
+    axes = {str(plane.attrs[f"{side}_parameter"]) for side in "xy"}
+    found = (results.study("branches", name) for name in results.studies.get("branches", ()))
+    return [one for one in found if one.sizes.get("curve_point", 0)
+            and {one.attrs["parameter"], one.attrs["second_parameter"]} == axes]
 
 
 def _marks(results: Results, parameter: str, besides: str | None = None) -> list[Mark]:

@@ -134,6 +134,7 @@ def branches_text(data: xr.Dataset) -> list[str]:
     lines = [f"- {line}" for line in findings(data) if "kept" in data.attrs]
     rows = _intervals(data)
     lines += [f"- {_extent(data)}", f"- {_searched(data)}", f"- {_missed(data)}"]
+    lines += [f"- {_curves(data)}"] if "curve_kind" in data else []
     if rows:
         unit = _unit_shown(data)
         lines += ["", *markdown([(f"rattling from{unit}", "begins with", f"to{unit}",
@@ -234,6 +235,21 @@ def _missed(data: xr.Dataset) -> str:
         return text + "there were too few random starts to bound its share by"
     return (text + "with 95 % confidence the share of starts that lead to it is "
             + ", and ".join(bounds))
+
+
+def _curves(data: xr.Dataset) -> str:
+    """Curves over a second parameter."""
+    attrs, kinds = data.attrs, data["curve_kind"].values
+    told = ", ".join(f"{int((kinds == kind).sum())} {kind.name.lower().replace('_', ' ')}"
+                     for kind in SpecialPoint if (kinds == kind).any())
+    text = (f"what ends stable ranges, followed in the "
+            f"{parameter_words(attrs['second_parameter'])} {attrs['second_low']:g} to "
+            f"{attrs['second_high']:g} {parameter_unit(attrs['second_parameter'])}".rstrip()
+            + f": {plural(len(kinds), 'curve')}" + f" ({told})" * bool(told))
+    left, lost = int(attrs["curves_left"]), int(attrs["curves_lost"])
+    text += f"; {left} more special points were not followed, for there were enough curves" \
+        * bool(left)
+    return text + f"; {lost} could not be followed" * bool(lost)
 
 
 def _ranges(data: xr.Dataset) -> list[str]:

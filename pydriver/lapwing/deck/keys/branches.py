@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
 
 from lapwing.base import estimates
+from lapwing.deck.checks.drawn import expected, out_of_range
 from lapwing.deck.checks.ranges import range_values
 from lapwing.deck.deck import Asked
 from lapwing.deck.declare import (
@@ -44,6 +47,14 @@ class BranchesKeys(AlongKeys):
     unstable_points: int = key(200, "points in a row that are not stable, at most: through such "
                                "motions a branch may come to further stable ones",
                                ge=1, le=1_000_000)
+    second_parameter: str | None = key(None, "another real number of &gear_pair or &operation: "
+                                       "what ends stable ranges is followed in it as well, as "
+                                       "curves over both", example="pinion_speed_rpm")
+    second_from: float | None = key(None, "where its range begins", "of the parameter", 200.0)
+    second_to: float | None = key(None, "where its range ends; its own value lies between",
+                                  "of the parameter", 300.0)
+    second_curves: int = key(12, "curves at most; those that end the widest ranges first", ge=1,
+                             le=1000)
     rtol: float | None = key(None, "relative tolerance with which motions are looked for; left "
                              "out: that of &numerics, else 1e-8; branches have none",
                              example=1e-8, ge=1e-13, le=1e-2)
@@ -67,12 +78,55 @@ class BranchesKeys(AlongKeys):
         builder.check_values(reader, name, group, values)
         if not builder.ready:
             return None
+        second = self._second(builder, reader, name)
         operation = {k: v for k, v in builder.operation.items() if k != name}
         if operation.get("degrees_of_freedom") == 2:
             report.add(place, "&branches goes with degrees_of_freedom = 1")
         builder.check_ends(reader, {name: (group, values)}, operation)
         return Asked("branches", self, operation, builder.rtol(reader),
-                     {"parameter": name, "group": group, "values": values})
+                     {"parameter": name, "group": group, "values": values, "second": second})
+
+    def used(self, asked: Asked) -> dict[str, Any]:
+        """See `StudyKeys`: no number of curves where none are asked for."""
+        return super().used(asked) | ({} if self.second_parameter else {"second_curves": None})
+
+    def _second(self, builder: Studies, reader: _GroupReader, first: str) -> dict[str, Any] | None:
+        """The second parameter, its own value and range; None without one."""
+        report, places = builder.report, reader.places
+        low, high = self.second_from, self.second_to
+        if self.second_parameter is None:
+            for key_name in ("second_from", "second_to", "second_curves"):
+                if key_name in places:
+                    report.add(reader.key_places[key_name],
+                               f"{key_name} goes with second_parameter")
+            return None
+        place = places["second_parameter"]
+        name = parameter_name(self.second_parameter)
+        group = builder.parameter(reader, name, place, "second_parameter")
+        name = name.rpartition(".")[2]
+        if group is None:
+            return None
+        if name == first:
+            report.add(place, f"second_parameter = {name!r} is parameter as well, expected another")
+            return None
+        if low is None or high is None:
+            report.add(place, "second_parameter needs second_from and second_to")
+            return None
+        given = {"parabola_amplitude": builder.parabola, **builder.operation}
+        own = given.get(name, getattr(builder.pair, name, None))
+        for end in (low, high):
+            if out_of_range(name, group, np.array([end])) is not None:
+                report.add(places["second_from"], f"second_parameter: {name} = {end:g}, expected "
+                                                  f"{expected(name, group)}")
+                return None
+        if own is None or not low < high or not low <= own <= high:
+            report.add(places["second_from"],
+                       f"second_from = {low:g}, second_to = {high:g}: expected a range that holds "
+                       + (f"{name} = {own:g}, where the branches are" if own is not None
+                          else f"{name}, which is not given"))
+            return None
+        return {"parameter": name, "value": own, "low": low, "high": high,
+                "most": self.second_curves}
 
     def memory(self, asked: Asked) -> tuple[int, str]:
         """See `StudyKeys`: of the sweep that motions are looked for with."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lapwing.plots import style
+from lapwing.plots.branch.curves import add_curves
 from lapwing.plots.map import parts
 from lapwing.results.findings import map_kinds
 
@@ -28,7 +30,7 @@ def shows(data: xr.Dataset) -> bool:
 
 @style.house_style()
 def draw(data: xr.Dataset, gear_pair: dict[str, float] | None = None, *,
-         title: str = "") -> Figure:
+         title: str = "", curves: Sequence[xr.Dataset] = ()) -> Figure:
     """Draw the kind of motion of each run as a coloured cell.
 
     Parameters
@@ -36,6 +38,8 @@ def draw(data: xr.Dataset, gear_pair: dict[str, float] | None = None, *,
     data : xarray.Dataset, group `map_<name>` of a result file
     gear_pair : mapping or None, not used
     title : str, of the figure
+    curves : sequence of Dataset, groups `branches_<name>` over the same two parameters, whose
+        curves are drawn over the cells
 
     Returns
     -------
@@ -50,6 +54,8 @@ def draw(data: xr.Dataset, gear_pair: dict[str, float] | None = None, *,
     parts.cells(axis, data, np.ma.masked_less(found, 0), cmap=ListedColormap(COLOURS),
                 norm=BoundaryNorm(np.arange(len(COLOURS) + 1) - 0.5, len(COLOURS)))
     handles = [parts.patch(COLOURS[i], names[i]) for i in np.unique(found[found >= 0])]
+    for diagram in curves:
+        handles += add_curves(axis, diagram, parts.axes_of(data)[0])
     return parts.finish(figure, axis, data, handles)
 
 

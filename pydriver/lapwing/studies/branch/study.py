@@ -56,7 +56,14 @@ def carry_out(deck: Deck, study: Asked, order: int, threads: int,
                                  if one["status"].dims[1] == study.parameter],
         trials=_trials(deck, study, found.get("critical", {}))),
         study.doublings, study.most_points, study.unstable_points)
-    diagram = table(request, followed(request, done, Kept(folder, notes)))
+    branches = followed(request, done, Kept(folder, notes))
+    diagram = table(request, branches)
+    if study.second is not None:
+        from lapwing.studies.curve import table as curves
+
+        second = curves.Second(**study.second)
+        diagram = curves.added(diagram, curves.followed(request.search, branches.branches, second),
+                               second)
     return diagram.assign_attrs(own_operation(deck, study))
 
 

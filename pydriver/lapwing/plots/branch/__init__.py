@@ -1,0 +1,1 @@
+"""Figures of the curves of branches over two parameters."""
