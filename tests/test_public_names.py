@@ -12,7 +12,7 @@ import pytest
 import lapwing
 
 # Reached through what is public, and of no use without it; a `Path` is that of the library.
-INNER = {"Asked", "CurveFit", "Follower", "Parts", "Path", "Place"}
+INNER = {"Asked", "CurveFit", "Follower", "Parts", "Path", "Place", "Spot", "Tracer"}
 
 
 def classes():
