@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from lapwing.base import estimates
+from lapwing.base.quantities import term
 from lapwing.deck.checks.drawn import expected, out_of_range
 from lapwing.deck.checks.ranges import range_values
 from lapwing.deck.deck import Asked
@@ -112,8 +113,10 @@ class BranchesKeys(AlongKeys):
         if low is None or high is None:
             report.add(place, "second_parameter needs second_from and second_to")
             return None
-        given = {"parabola_amplitude": builder.parabola, **builder.operation}
-        own = given.get(name, getattr(builder.pair, name, None))
+        number = term(name)
+        given = {"parabola_amplitude": builder.curve.parabola_amplitude, **builder.operation}
+        own = given.get(name, getattr(builder.pair, name, None)) if number is None \
+            else builder.curve.harmonic_amplitude[number]
         for end in (low, high):
             if out_of_range(name, group, np.array([end])) is not None:
                 report.add(places["second_from"], f"second_parameter: {name} = {end:g}, expected "

@@ -18,7 +18,7 @@ from lapwing.studies.branch.special import Special
 from lapwing.studies.curve.condition import FOLLOWED
 from lapwing.studies.curve.run import Curve, traced
 from lapwing.studies.orbit import NoOrbit
-from lapwing.studies.sweep.varied import moved_to, oscillator_at
+from lapwing.studies.sweep.varied import moved_to
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -70,8 +70,9 @@ def over(search: Search, second: Second) -> Callable[[float, float], Oscillator]
     operation = {name: one for name, one in search.operation.items() if name != second.parameter}
 
     def make(value: float, number: float) -> Oscillator:
-        pair, at = moved_to(search.pair, search.te, second.parameter, number, operation)
-        return oscillator_at(pair, search.te, search.parameter, value, at)
+        pair, te, at = moved_to(search.pair, search.te, {
+            search.parameter: value, second.parameter: number}, operation)
+        return pair.oscillator(te, **at)
 
     return make
 
