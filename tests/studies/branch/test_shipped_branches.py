@@ -25,3 +25,18 @@ def test_every_periodic_motion_of_the_sweep_lies_on_a_branch():
     assert int(high["rattling_high_kind"]) == SpecialPoint.FOLD
     assert float(high["rattling_high_error"]) < 1e-10
     assert float(high["rattling_high"]) == pytest.approx(12.42754043941, abs=1e-10)
+
+
+@pytest.mark.full
+def test_every_periodic_motion_over_the_whole_range_lies_on_a_branch():
+    """Those of the sweep, up to 24 mesh cycles; the others are told as without period."""
+    deck = load_deck(ROOT / "inputs" / "diagram_25x32.nml")
+    found = compute(deck, 2, lambda *_: lambda _: None)
+    swept, diagram = found.studies["sweep"]["torque"], found.studies["branches"]["torque"]
+    looked = diagram["motion_begun"].values <= FoundFrom.DOWN
+    assert looked.sum() >= swept["status"].size == 3 * 691
+    kinds = diagram["motion_kind"].values[looked]
+    assert set(kinds) == {FoundMotion.ENGAGED, FoundMotion.PERIODIC, FoundMotion.APERIODIC}
+    periodic = looked & (diagram["motion_kind"].values == FoundMotion.PERIODIC)
+    assert np.all(diagram["motion_branch"].values[periodic] > 0)
+    assert diagram["motion_distance"].values[periodic].max() < 1e-8
