@@ -81,11 +81,12 @@ def add_curves(axis: Axes, diagram: xr.Dataset, x_parameter: str) -> list[Any]:
     x, y = ("curve_second", "curve_value") if x_parameter == diagram.attrs["second_parameter"] \
         else ("curve_value", "curve_second")
     numbers, kinds = diagram["curve_number"].values, diagram["curve_kind"].values
-    for number, kind in enumerate(kinds, 1):
-        rows = numbers == number
-        for width, colour in ((2.8, "white"), (1.5, COLOURS[SpecialPoint(int(kind))])):
-            axis.plot(diagram[x].values[rows], diagram[y].values[rows], color=colour,
-                      linewidth=width, zorder=3)
+    # White behind all of them, so that none hides another that is close.
+    for width, colour in ((2.8, "white"), (1.5, None)):
+        for number, kind in enumerate(kinds, 1):
+            rows = numbers == number
+            axis.plot(diagram[x].values[rows], diagram[y].values[rows], linewidth=width, zorder=3,
+                      color=colour or COLOURS[SpecialPoint(int(kind))])
     return [Line2D([], [], color=COLOURS[kind], linewidth=1.5,
                    label=f"{kind.name.lower().replace('_', ' ')} of branches")
             for kind in COLOURS if int(kind) in kinds]
