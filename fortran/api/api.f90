@@ -139,8 +139,8 @@ contains
         seconds, suspended, ends)
   end subroutine destinations
   !> Equations of a periodic motion between its events, their derivatives; branch/equations.f90.
-  subroutine event_equations(knots, g, edges, q, first, terms, reals, choices, layout, jumps, z, &
-      residual, one, two)
+  subroutine event_equations(knots, g, edges, q, first, terms, reals, choices, layout, z, &
+      residual, blocks)
     use lapwing_api_branches, only: motion_equations
     real(c_double), contiguous, intent(in) :: knots(:)            !! phases; one: a series
     real(c_double), contiguous, intent(in) :: g(:, :, :)          !! (6, powers, pieces) of g, g'
@@ -151,18 +151,18 @@ contains
     real(c_double), contiguous, intent(in) :: terms(:, :)         !! (5, terms) of a series: order,
                                                                   !! g, response; real, imaginary
     real(c_double), contiguous, intent(in) :: reals(:)            !! period, force, restitution,
-                                                                  !! gap, damping ratio, scale
+                                                                  !! gap, damping ratio, scale;
+                                                                  !! (n) slope jumps at kinks
     integer(c_int), contiguous, intent(in) :: choices(:)          !! back flank moves, `absolute`,
                                                                   !! impacts at all, mesh cycles
     integer(c_int), contiguous, intent(in) :: layout(:, :)        !! (4, n) kind, flank, piece, arc
-    real(c_double), contiguous, intent(in) :: jumps(:)            !! (n) slope jumps at kinks
     real(c_double), contiguous, intent(in) :: z(:)                !! (2 n + 1) unknowns
     real(c_double), contiguous, intent(inout) :: residual(:, :)   !! (2, n)
-    real(c_double), contiguous, intent(inout) :: one(:, :, :)     !! (2, 2, n) by the event before
-    real(c_double), contiguous, intent(inout) :: two(:, :, :)     !! (2, 2, n) by the event
+    real(c_double), contiguous, intent(inout) :: blocks(:, :, :, :)  !! (2, 2, n, 2) derivatives
+                                                                  !! by the event before, the event
     !f2py threadsafe
-    call motion_equations(knots, g, edges, q, first, terms, reals, choices, layout, jumps, z, &
-        residual, one, two)
+    call motion_equations(knots, g, edges, q, first, terms, reals, choices, layout, z, residual, &
+        blocks)
   end subroutine event_equations
 
   !> Solution of such equations with a column and a row more; branch/bordered.f90.

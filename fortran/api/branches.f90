@@ -12,22 +12,20 @@ module lapwing_api_branches
 contains
 
   !> Residuals of a motion's events and their derivatives, and those of the map once round.
-  subroutine motion_equations(knots, g, edges, q, first, terms, reals, choices, layout, jumps, z, &
-      residual, one, two)
+  subroutine motion_equations(knots, g, edges, q, first, terms, reals, choices, layout, z, &
+      residual, blocks)
     real(c_double), contiguous, intent(in) :: knots(:), g(:, :, :)    !! of `curve_t`
     real(c_double), contiguous, intent(in) :: edges(:), q(:, :, :)    !! of `curve_t`
     real(c_double), contiguous, intent(in) :: first(:), terms(:, :)   !! of `curve_t`
     real(c_double), contiguous, intent(in) :: reals(:)                !! see `ball_of`
     integer(c_int), contiguous, intent(in) :: choices(:)              !! see `ball_of`
     integer(c_int), contiguous, intent(in) :: layout(:, :)            !! (4, n)
-    real(c_double), contiguous, intent(in) :: jumps(:)                !! (n)
     real(c_double), contiguous, intent(in) :: z(:)                    !! (2 n) or more
     real(c_double), contiguous, intent(inout) :: residual(:, :)       !! (2, n)
-    real(c_double), contiguous, intent(inout) :: one(:, :, :)         !! (2, 2, n)
-    real(c_double), contiguous, intent(inout) :: two(:, :, :)         !! (2, 2, n)
+    real(c_double), contiguous, intent(inout) :: blocks(:, :, :, :)   !! (2, 2, n, 2)
     call equations_of(curve_of(reals(1), knots, g, edges, q, first, terms), &
         ball_of(reals, choices), reals(5), choices(2) /= 0, choices(3) /= 0, choices(4), reals(6), &
-        layout, jumps, z, residual, one, two)
+        layout, reals(7:), z, residual, blocks(:, :, :, 1), blocks(:, :, :, 2))
   end subroutine motion_equations
 
   !> Trace, determinant and rank of the map once round.

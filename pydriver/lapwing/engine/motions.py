@@ -73,10 +73,11 @@ def event_equations(curve: Curve, numbers: tuple[NDArray[Any], NDArray[Any]],
     """
     n = layout.shape[1]
     residual = np.empty((2, n), order="F")
-    one, two = (np.empty((2, 2, n), order="F") for _ in range(2))
+    blocks = np.empty((2, 2, n, 2), order="F")
+    reals, choices = numbers
     api.event_equations(curve.knots, curve.g, curve.edges, curve.q, curve.first, curve.terms,
-                        *numbers, layout, jumps, z, residual, one, two)
-    return residual.T.ravel(), Blocks(one, two)
+                        np.concatenate([reals, jumps]), choices, layout, z, residual, blocks)
+    return residual.T.ravel(), Blocks(blocks[..., 0], blocks[..., 1])
 
 
 def bordered_solution(blocks: Blocks, column: NDArray[Any], row: NDArray[Any],
