@@ -10,6 +10,7 @@ import pytest
 from lapwing.deck import load_deck
 from lapwing.studies import cost
 from lapwing.studies.cost import Stage, spell, spread, stages_of, words
+from lapwing.studies.ensemble import study as ensembles
 
 ROOT = Path(__file__).parents[2]
 PLAIN = (ROOT / "tests" / "deck" / "accepted" / "plain.nml").read_text(encoding="utf-8")
@@ -84,6 +85,21 @@ def test_estimates_of_work_that_is_known(tmp_path, moved):
     assert (sweep.low, sweep.high) == pytest.approx((1000 * rates.value / 2,) * 2)
     assert 0 < sweep.part < 1
     assert clock.now < 1.0 + rates.grid
+
+
+def test_no_more_runs_of_an_ensemble_are_tried_than_there_are(tmp_path):
+    text = PLAIN + """&draw parameter = 'backlash', law = 'uniform', low = 0.001, high = 0.003 /
+&ensemble name = 'few', runs = 32, brake_torque = 6, settle_cycles = 2, record_cycles = 2 /
+"""
+    deck = deck_of(tmp_path, text)
+    low, high, part = ensembles.estimate(deck, *deck.studies["ensemble"], 60.0, Clock(), 1)
+    assert part == 1.0 and low == high == 0.0  # by a clock that stands still
+
+
+@pytest.mark.parametrize(("part", "text"), [
+    (1.0, "all"), (0.9999, "99 %"), (0.994, "99 %"), (0.031, "3.1 %")])
+def test_parts_in_words(part, text):
+    assert cost.spell_part(part) == text
 
 
 def test_what_is_carried_is_not_shared(tmp_path, moved):

@@ -8,7 +8,10 @@ study   how it is carried out: `carry_out(deck, study, order, threads, done)`, `
         the fields of `studies.cost.Stage` after its name; where `keeps_shards(study)` is true,
         `job(deck, study)` is its `studies.map.task.Task`, and `carry_out` takes a folder for the
         shards, a callable(text) for notes and an executor besides; with `TAKES_FOUND`, what
-        the deck's studies before it gave, by kind and name
+        the deck's studies before it gave, by kind and name; where its parts are not in `status`,
+        `ended(stored)`, a `Status` for each that `extent` counts (one, where that is in %) of its
+        group in a result file, variable -> values; `RECORDS`, what it keeps one by one without
+        knowing how many there will be (`studies.records`)
 report  `headline(dataset)` in one line, `section(datasets, results)`, lines of the summary, and
         where all are told together first, `table(datasets)`
 figures modules of `lapwing.plots` with a `draw(dataset, gear_pair, ...)` and, where not every

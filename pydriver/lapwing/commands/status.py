@@ -19,12 +19,10 @@ import typer
 from lapwing.base.codes import Status
 from lapwing.base.exit_codes import ExitCode
 from lapwing.console import complain
-from lapwing.folder import INTERRUPTED, RESULT_FILE, SHARDS, deck_of
+from lapwing.folder import INTERRUPTED, RESULT_FILE, SHARDS, FolderError, deck_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-    from lapwing.deck.deck import Deck
 
 # Failed runs that are listed one by one, and shards by which a rate is judged.
 LISTED, RECENT = 100, 64
@@ -38,22 +36,35 @@ class StudyState:
     Attributes
     ----------
     study : str, its group in the result file
-    runs, done, failed, missing : int, runs of it; done are those that have a result
+    runs, unit : int, str, what there is of it: runs, points, cells, values, ...
+    done, failed, missing : int, of these; done are those that have a result, failed those that have
+        none, or of which some run failed. done and missing are None where it is not known: somebody
+        is at work, and stores nothing of it before it ends
     shards, shards_done : int, the parts that are kept, 0 where there are none
     runs_per_second, seconds_left : float or None, by the shards that came last; None: not known
+    records, record_unit : int or None, str, what is kept one by one of a study that has no result
+        yet: trials, branches. How many are left is not known
+    seconds_per_record : float or None, of the records that came last
     failed_runs : list of int, the first of those that failed, counted as `status` is
+    begins_anew : bool, whether what is done is of a run that was interrupted, from which the next
+        one does not go on
     """
 
     study: str
     runs: int
-    done: int = 0
+    unit: str
+    done: int | None = 0
     failed: int = 0
-    missing: int = 0
+    missing: int | None = 0
     shards: int = 0
     shards_done: int = 0
     runs_per_second: float | None = None
     seconds_left: float | None = None
+    records: int | None = None
+    record_unit: str = ""
+    seconds_per_record: float | None = None
     failed_runs: list[int] = field(default_factory=list)
+    begins_anew: bool = False
 
 
 @dataclass
@@ -65,7 +76,7 @@ class State:
     results : str, their folder
     state : 'complete', 'running' or 'incomplete' (nobody is at work)
     at_work : list of str, processes at work, as far as is known
-    studies : list of StudyState
+    studies : list of StudyState; empty where the first run is at work and keeps no shards
     rerun : str or None, the command that repeats the first failed run with all its events
     """
 
@@ -122,12 +133,19 @@ def state_of(results: Path) -> State:
     lapwing.deck.DeckError
         where the deck of which they are cannot be read.
     """
+    from lapwing.base.registry import STUDIES
     from lapwing.deck import used_hash
     from lapwing.results.store import COMPLETE, Manifest
     from lapwing.studies.of_deck import jobs_of, shards_of, studies_of
 
-    deck = deck_of(results)
     at_work = [*_at_work(results)]
+    try:
+        deck = deck_of(results)
+    except FolderError:
+        if not at_work:
+            raise
+        # Without shards nothing is written, the deck neither, before there are results.
+        return State(str(results), "running", at_work, [])
     stored: dict[str, NDArray[Any]] = {}
     complete = False
     for folder in (results.with_name(results.name + INTERRUPTED), results):
@@ -139,69 +157,70 @@ def state_of(results: Path) -> State:
     jobs = {f"{kind}_{name}": job for kind, name, job in jobs_of(deck)}
     studies = []
     for kind, name in studies_of(deck):
-        group = f"{kind}_{name}"
-        counted = _counted(group, stored.get(group), _runs(deck, kind, name))
-        if group in jobs and counted.missing:
+        group, part = f"{kind}_{name}", STUDIES[kind].part("study")
+        asked = next(one for one in deck.studies[kind] if one.name == name)
+        runs, unit = part.extent(asked)
+        if unit == "%":  # of one search
+            runs, unit = 1, STUDIES[kind].words
+        counted = _counted(StudyState(group, int(runs), unit), stored.get(group))
+        if counted.missing:
             folder = shards_of(results.with_name(results.name + SHARDS), kind, name)
-            counted = _of_shards(group, jobs[group], folder, bool(at_work))
+            if group in jobs:
+                _of_shards(counted, jobs[group], folder, bool(at_work))
+            elif hasattr(part, "RECORDS") and part.keeps_shards(asked):
+                _of_records(counted, part.RECORDS, folder, used_hash(deck))
+            counted.begins_anew = not counted.shards and counted.missing < counted.runs
+            if at_work and group not in jobs and group not in stored:
+                counted.done = counted.missing = None
         studies.append(counted)
     state = "running" if at_work else "complete" if complete else "incomplete"
     return State(str(results), state, at_work, studies, _rerun(results, studies))
 
 
 def _rerun(results: Path, studies: list[StudyState]) -> str | None:
+    from lapwing.base.registry import STUDIES
+
     for one in studies:
-        if one.failed_runs and not one.study.startswith("critical_"):
+        part = STUDIES[one.study.partition("_")[0]].part("study")
+        if one.failed_runs and hasattr(part, "again"):
             return shlex.join(["lapwing", "rerun", str(results), one.study,
                                str(one.failed_runs[0])])
     return None
 
 
-def _runs(deck: Deck, kind: str, name: str) -> int:
-    """Runs of a study of a deck; a search is counted as one."""
-    from lapwing.base.registry import STUDIES
-
-    asked = next(one for one in deck.studies[kind] if one.name == name)
-    part = STUDIES[kind].part("study")
-    return int(part.extent(asked)[0]) if hasattr(part, "again") else 1
-
-
 def _stored(path: Path) -> dict[str, NDArray[Any]]:
-    """How the runs of a result file ended, by group: arrays of `Status`, in the file's order."""
+    """How the parts of studies in a result file ended: group -> array of `Status`, in its order."""
     import netCDF4
+
+    from lapwing.base.registry import STUDIES
 
     found = {}
     with contextlib.suppress(OSError, RuntimeError), netCDF4.Dataset(path) as file:
         file.set_auto_maskandscale(False)
         for name, group in file.groups.items():
-            if "status" in group.variables:
-                found[name] = np.array(group["status"][...]).ravel()
-            elif "status" in group.ncattrs():
-                found[name] = np.array([group.getncattr("status")])
-            elif "trial_failed" in group.variables:
-                failed = np.any(np.array(group["trial_failed"][...]) > 0)
-                found[name] = np.array([Status.NOT_FINITE if failed else Status.OK])
-            elif name.startswith("critical_"):
-                found[name] = np.array([Status.OK])
+            study = STUDIES.get(name.partition("_")[0])
+            if study is not None:
+                ended = getattr(study.part("study"), "ended", None)
+                found[name] = np.array(
+                    ended(group.variables) if ended else
+                    group["status"][...] if "status" in group.variables else
+                    [group.getncattr("status")]).ravel()
     return found
 
 
-def _counted(group: str, ended: NDArray[Any] | None, runs: int) -> StudyState:
-    """How far a study is by the result file."""
+def _counted(state: StudyState, ended: NDArray[Any] | None) -> StudyState:
+    """A state that is given what is done; nothing is known of what did not end (None)."""
     if ended is None:
-        return StudyState(group, runs, missing=runs)
-    return _state(group, ended)
-
-
-def _state(group: str, ended: NDArray[Any]) -> StudyState:
+        ended = np.full(state.runs, Status.UNFINISHED)
     good, open_ = ended == Status.OK, ended == Status.UNFINISHED
     failed = np.flatnonzero(~good & ~open_)
-    return StudyState(group, ended.size, int(good.sum()), failed.size, int(open_.sum()),
-                      failed_runs=failed[:LISTED].tolist())
+    state.runs, state.done, state.missing = ended.size, int(good.sum()), int(open_.sum())
+    state.failed, state.failed_runs = failed.size, failed[:LISTED].tolist()
+    return state
 
 
-def _of_shards(group: str, job: Any, folder: Path, running: bool) -> StudyState:
-    """How far a study is by its shards."""
+def _of_shards(state: StudyState, job: Any, folder: Path, running: bool) -> None:
+    """Count a study by its shards."""
     from lapwing.results.shards import read_status, shard_path
 
     ended = np.full(job.grid.runs, Status.UNFINISHED, dtype=np.int8)
@@ -217,12 +236,21 @@ def _of_shards(group: str, job: Any, folder: Path, running: bool) -> StudyState:
     if len(grid.order) > 1:  # runs of a map are counted line by line, its results by its axes
         ended = ended.reshape(grid.shape).transpose(
             [grid.order.index(name) for name in grid.axes]).ravel()
-    state = _state(group, ended)
+    _counted(state, ended)
     state.shards, state.shards_done = job.cut.shards, len(came)
     state.runs_per_second = _rate(sorted(came)[-RECENT:])
-    if running and state.runs_per_second:
+    if running and state.runs_per_second and state.missing:
         state.seconds_left = state.missing / state.runs_per_second
-    return state
+
+
+def _of_records(state: StudyState, unit: str, folder: Path, owner: str) -> None:
+    """Count what a study keeps one by one."""
+    from lapwing.studies.records import seconds_of
+
+    took = seconds_of(folder, owner)
+    state.records, state.record_unit = len(took), unit
+    if took:
+        state.seconds_per_record = sum(took[-RECENT:]) / len(took[-RECENT:])
 
 
 def _rate(came: list[tuple[float, int]]) -> float | None:
@@ -260,24 +288,41 @@ def _lives(process: int) -> bool:
 
 def _lines(state: State) -> list[str]:
     lines = [f"{state.results}: {state.state}"
-             + f"; at work: {'; '.join(state.at_work)}" * bool(state.at_work)]
+             + f"; at work: {'; '.join(state.at_work)}" * bool(state.at_work)
+             + "; how far it is is not known before it ends" * (not state.studies)]
     for one in state.studies:
-        text = f"  {one.study}: {one.done} of {one.runs} done"
-        text += f", {one.failed} failed" * bool(one.failed)
-        text += f", {one.missing} missing" * bool(one.missing)
-        if one.shards:
-            text += f"; {one.shards_done} of {one.shards} shards"
-        if one.runs_per_second:
-            text += f"; {one.runs_per_second:.3g} runs/s of late"
-        if one.seconds_left is not None:
-            text += f", about {_duration(one.seconds_left)} left"
-        lines.append(text)
-        if one.failed_runs:
+        lines.append(f"  {one.study}: {_told(one)}")
+        if one.failed_runs and one.runs > 1:
             lines.append(f"    failed: {', '.join(map(str, one.failed_runs[:10]))}"
                          + ", …" * (one.failed > 10))
     if state.rerun:
         lines.append(f"  to see one fail: {state.rerun}")
     return lines
+
+
+def _told(one: StudyState) -> str:
+    """How far a study is, in words."""
+    if one.done is None:
+        text = "no result stored yet"
+        text += "; how far it is is not known before it ends" * (one.records is None)
+    else:
+        text = f"{one.done} of {one.runs} {one.unit if one.runs > 1 else ''}".rstrip() + " done"
+        text += f", {one.failed} failed" * bool(one.failed)
+        text += f", {one.missing} missing" * bool(one.missing)
+    if one.begins_anew:
+        text += "; the run was interrupted, another one begins it anew"
+    if one.shards:
+        text += f"; {one.shards_done} of {one.shards} shards"
+    if one.runs_per_second:
+        text += f"; {one.runs_per_second:.3g} {one.unit}/s of late"
+    if one.seconds_left is not None:
+        text += f", about {_duration(one.seconds_left)} left"
+    if one.records is not None:
+        text += f"; {one.record_unit} so far: {one.records or 'none'}"
+        if one.seconds_per_record is not None:
+            text += f", {_duration(one.seconds_per_record)} each of late"
+        text += "; how many are left is not known"
+    return text
 
 
 def _duration(seconds: float) -> str:

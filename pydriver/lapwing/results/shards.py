@@ -271,6 +271,13 @@ def read_digest(folder: Path, index: int, told: Mapping[str, Any]) -> str | None
     return found
 
 
+def read_told(folder: Path, index: int, *names: str) -> dict[str, Any] | None:
+    """Attributes of a shard of this build, whatever it follows from; None where one is missing."""
+    found: dict[str, Any] | None = _looked_at(
+        folder, index, {}, lambda file: {name: file.getncattr(name) for name in names})
+    return found
+
+
 def _looked_at(folder: Path, index: int, told: Mapping[str, Any],
                take: Callable[[netCDF4.Dataset], Any]) -> Any:
     """What is taken from a shard that says of itself what it must; None from another, or none."""

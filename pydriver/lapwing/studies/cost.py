@@ -124,8 +124,8 @@ def spell(seconds: float) -> str:
 
 
 def spell_part(part: float) -> str:
-    """A part in words: `all`, `3.1 %`."""
-    return "all" if part == 1 else f"{100 * part:.2g} %"
+    """A part in words: `all`, `3.1 %`; less than all is at most `99 %`."""
+    return "all" if part == 1 else f"{min(99.0, 100 * part):.2g} %"
 
 
 def stages_of(deck: Deck, threads: int, seconds: float,

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from lapwing.base.codes import Status
 from lapwing.engine import Numerics
 from lapwing.studies import cost
 from lapwing.studies.attractors.along import attractors_along
@@ -25,6 +28,13 @@ def failed(dataset: xr.Dataset) -> str:
     """What failed numerically, in words; empty text, nothing."""
     runs = int(dataset["failed"].values[dataset["reached"].values == 1].sum())
     return f"attractors {{}} ({runs} runs)" * bool(runs)
+
+
+def ended(stored: Mapping[str, Any]) -> list[Status]:
+    """How each value ended: one with a run that failed is told as failed; see `registry`."""
+    return [Status.UNFINISHED if not there else Status.NOT_FINITE if lost else Status.OK
+            for there, lost in zip(np.array(stored["reached"][...]),
+                                   np.array(stored["failed"][...]), strict=True)]
 
 
 def carry_out(deck: Deck, study: Asked, order: int, threads: int,

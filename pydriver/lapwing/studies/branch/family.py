@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lapwing.base import arguments
 from lapwing.base.arguments import Refusals
@@ -15,7 +15,6 @@ from lapwing.base.codes import FoundFrom, FoundMotion
 from lapwing.base.threads import checked_threads
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.transmission_error import TransmissionError
-from lapwing.results.shards import read_shard, write_shard
 from lapwing.studies.branch.collection import Collection, Match
 from lapwing.studies.branch.ranges import BEYOND, SLOWLY, stable_ranges
 from lapwing.studies.branch.run import Branch, branch, follower_of
@@ -27,6 +26,7 @@ from lapwing.studies.critical.records import identity
 from lapwing.studies.critical.starts import StartGrid
 from lapwing.studies.orbit import NoOrbit, Orbit, find_orbit
 from lapwing.studies.period import MAX_PERIOD
+from lapwing.studies.records import Records
 from lapwing.studies.sweep.varied import parameters
 
 if TYPE_CHECKING:
@@ -158,18 +158,13 @@ def branches(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_t
 class Kept:
     """Branches in the order in which they are followed, kept in a folder as soon as each is.
 
-    Which branches there are follows from those before. What is begun again asks for the same ones,
-    and reads what lies there of the same values and the same build.
-
     Parameters
     ----------
-    folder : Path, made where missing, or None: nothing is kept
-    notes : callable(text) or None, told of branches that were followed again, and why
+    records : Records, or None: nothing is kept
     """
 
-    def __init__(self, folder: Path | None = None,
-                 notes: Callable[[str], object] | None = None) -> None:
-        self._folder, self._notes, self._next = folder, notes or (lambda _: None), 0
+    def __init__(self, records: Records | None = None) -> None:
+        self._records = records
 
     def branch(self, request: Request, value: float, orbit: Orbit) -> Branch:
         """`run.branch` of a motion at a value, or read."""
@@ -187,22 +182,18 @@ class Kept:
 
     def _taken(self, request: Request, follower: Follower, value: float,
                state: tuple[float, float], make: Callable[[], Branch]) -> Branch:
-        if self._folder is None:
+        if self._records is None:
             return make()
-        index, self._next = self._next, self._next + 1
-        told = {"inputs": identity(
-            request.search.oscillator(value), np.array([value, *request.range, *state]),
-            points=request.points, unstable=request.unstable,
-            parameter=request.search.parameter)}
-        shard, why = read_shard(self._folder, index, told)
-        if why:
-            self._notes(f"branch {index} {why}: followed again")
-        if shard is not None:
-            points, specials, positions = restored(shard.data)
+
+        def read(data: Mapping[str, NDArray[Any]]) -> Branch:
+            points, specials, positions = restored(data)
             return Branch(points, specials, positions, points[0].place.layout.cycles, follower)
-        made = make()
-        write_shard(self._folder, index, recorded(made.points, made.specials, made.positions), told)
-        return made
+
+        return self._records.taken(
+            identity(request.search.oscillator(value), np.array([value, *request.range, *state]),
+                     points=request.points, unstable=request.unstable,
+                     parameter=request.search.parameter),
+            make, lambda one: recorded(one.points, one.specials, one.positions), read)
 
 
 def followed(request: Request, progress: Callable[[float], None] | None = None,

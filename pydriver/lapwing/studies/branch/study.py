@@ -9,13 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lapwing.base.codes import FoundMotion
+from lapwing.base.codes import FoundMotion, Status
+from lapwing.deck import used_hash
 from lapwing.engine import Numerics
 from lapwing.studies.branch.diagram import table
 from lapwing.studies.branch.family import Kept, Request, followed
 from lapwing.studies.branch.seeds import Search
 from lapwing.studies.critical.starts import StartGrid
 from lapwing.studies.labels import own_operation
+from lapwing.studies.records import Records
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
 
 # It begins with the motions of the deck's sweeps and searches, too (`of_deck.compute`).
 TAKES_FOUND = True
+# What it keeps one by one.
+RECORDS = "branches"
 
 
 def extent(_: Asked) -> tuple[int, str]:
@@ -35,6 +39,12 @@ def failed(dataset: xr.Dataset) -> str:
     """What failed numerically, in words; empty text, nothing."""
     motions = int((dataset["motion_kind"] == FoundMotion.FAILED).sum())
     return f"branches {{}} ({motions} motions)" * bool(motions)
+
+
+def ended(stored: Mapping[str, Any]) -> list[Status]:
+    """How it ended, by its table: a run that failed is told of the whole; see `registry`."""
+    lost = np.any(np.array(stored["motion_kind"][...]) == FoundMotion.FAILED)
+    return [Status.NOT_FINITE if lost else Status.OK]
 
 
 def keeps_shards(_: Asked) -> bool:
@@ -56,7 +66,8 @@ def carry_out(deck: Deck, study: Asked, order: int, threads: int,
                                  if one["status"].dims[1] == study.parameter],
         trials=_trials(deck, study, found.get("critical", {}))),
         study.doublings, study.most_points, study.unstable_points)
-    branches = followed(request, done, Kept(folder, notes))
+    records = None if folder is None else Records(folder, "branch", notes, used_hash(deck))
+    branches = followed(request, done, Kept(records))
     diagram = table(request, branches)
     if study.second is not None:
         from lapwing.studies.curve import table as curves

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lapwing.model.transmission_error.algebra import parts_of
-from lapwing.results.shards import inputs_digest, read_shard, write_shard
+from lapwing.results.shards import inputs_digest
+from lapwing.studies import records
 from lapwing.studies.critical.starts import Fates, follow
 
 if TYPE_CHECKING:
@@ -19,20 +20,18 @@ if TYPE_CHECKING:
     from lapwing.model.oscillator import Oscillator
 
 
-class Records:
+class Records(records.Records):
     """What became of the motions of each trial, kept in a folder in the order of the trials.
-
-    Which trials there are follows from those before. A search that is begun again asks for the same
-    ones, and reads what lies there of the same values and the same build.
 
     Parameters
     ----------
     folder : path, made where missing
-    notes : callable(text) or None, told of records that were made again, and why
+    notes, owner : as of `studies.records.Records`
     """
 
-    def __init__(self, folder: Path, notes: Callable[[str], object] | None = None) -> None:
-        self._folder, self._notes, self._next = folder, notes or (lambda _: None), 0
+    def __init__(self, folder: Path, notes: Callable[[str], object] | None = None,
+                 owner: str = "") -> None:
+        super().__init__(folder, "trial", notes, owner)
 
     def follow(self, osc: Oscillator, starts: list[tuple[float, float, float, float]], settle: int,
                record: int, *, numerics: Numerics, threads: int) -> Fates:
@@ -43,22 +42,21 @@ class Records:
         OSError
             where the record cannot be written.
         """
-        index, self._next = self._next, self._next + 1
-        told = {"inputs": identity(osc, np.array(starts), settle=settle, record=record,
-                                   numerics=asdict(numerics))}
-        shard, why = read_shard(self._folder, index, told)
-        if why:
-            self._notes(f"trial {index} {why}: made again")
-        if shard is not None:
-            data = shard.data
-            return Fates(data["rattles"] == 1, data["back_cycles"], data["failed"] == 1,
-                         [tuple(row) for row in data["final"].tolist()])
-        fates = follow([osc] * len(starts), starts, settle, record, numerics=numerics,
-                       threads=threads)
-        write_shard(self._folder, index, {
-            "rattles": fates.rattles.astype(np.int8), "failed": fates.failed.astype(np.int8),
-            "back_cycles": fates.back_cycles, "final": np.array(fates.final).reshape(-1, 4)}, told)
-        return fates
+        return self.taken(
+            identity(osc, np.array(starts), settle=settle, record=record,
+                     numerics=asdict(numerics)),
+            lambda: follow([osc] * len(starts), starts, settle, record, numerics=numerics,
+                           threads=threads), _packed, _unpacked)
+
+
+def _packed(fates: Fates) -> dict[str, NDArray[Any]]:
+    return {"rattles": fates.rattles.astype(np.int8), "failed": fates.failed.astype(np.int8),
+            "back_cycles": fates.back_cycles, "final": np.array(fates.final).reshape(-1, 4)}
+
+
+def _unpacked(data: Mapping[str, NDArray[Any]]) -> Fates:
+    return Fates(data["rattles"] == 1, data["back_cycles"], data["failed"] == 1,
+                 [tuple(row) for row in data["final"].tolist()])
 
 
 def identity(osc: Oscillator, numbers: NDArray[Any], **others: Any) -> str:

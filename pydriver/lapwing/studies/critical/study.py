@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lapwing.base.codes import Status
+from lapwing.deck import used_hash
 from lapwing.engine import Numerics
 from lapwing.studies import cost
 from lapwing.studies.critical import force, measured, run
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
 
 # Mesh cycles of a trial, its motions together, beyond which it is kept: some third of a second.
 TRIAL_CYCLES = 100_000
+# What it keeps one by one.
+RECORDS = "trials"
 
 
 def extent(_: Asked) -> tuple[int, str]:
@@ -36,6 +40,12 @@ def failed(dataset: xr.Dataset) -> str:
     """What failed numerically, in words; empty text, nothing."""
     runs = int(dataset["trial_failed"].sum()) if "trial_failed" in dataset else 0
     return f"critical {{}} ({runs} motions)" * bool(runs)
+
+
+def ended(stored: Mapping[str, Any]) -> list[Status]:
+    """How it ended, by its table: a motion that failed is told of the whole; see `registry`."""
+    lost = "trial_failed" in stored and np.any(np.array(stored["trial_failed"][...]) > 0)
+    return [Status.NOT_FINITE if lost else Status.OK]
 
 
 def keeps_shards(study: Asked) -> bool:
@@ -51,7 +61,7 @@ def carry_out(deck: Deck, study: Asked, order: int, threads: int,
               notes: Callable[[str], None] | None = None,
               executor: Executor | None = None) -> xr.Dataset:
     """One critical value of a deck, told as done at its end; see `registry`."""
-    records = None if folder is None else Records(folder, notes)
+    records = None if folder is None else Records(folder, notes, used_hash(deck))
     found = critical_study(deck, study, threads, done, records)
     done(1.0)
     return found

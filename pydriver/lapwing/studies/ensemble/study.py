@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from lapwing.deck.deck import Asked, Deck
 
-# Draws among which those are that are tried for an estimate.
+# Draws among which those are that are tried for an estimate of more runs than these.
 TRIED = 512
 
 
@@ -88,7 +88,7 @@ def estimate(deck: Deck, study: Asked, seconds: float, clock: Callable[[], float
              threads: int) -> tuple[float, float, float]:
     """How long it takes, from some of its runs; see `cost.rates`."""
     arguments = _arguments(deck, study)
-    if study.draws:
+    if study.draws and all_runs(study) > TRIED:
         arguments |= {"sampling": "random", "runs": TRIED, "sensitivity_draws": None,
                       "correlation": None}
     cloud = plan_of(**arguments).cloud
