@@ -168,6 +168,14 @@ def test_a_map_without_an_axis_has_no_figures():
         line.lapwing.map_depth()
 
 
+@pytest.mark.parametrize("figure", ["deepest_separation", "staircase"])
+def test_a_single_cycle_that_was_cut_out_is_named(swept, figure):
+    """Of a dimension without coordinates a single value leaves no trace."""
+    stored = swept.assign_attrs(kind="sweep")  # as in a result file
+    with pytest.raises((AttributeError, ValueError), match="of recorded_cycle it has a single"):
+        getattr(stored.isel(recorded_cycle=0).lapwing, figure)()
+
+
 def test_a_mistake_in_a_call_is_not_taken_for_a_cut(swept):
     with pytest.raises(TypeError, match="no option 'colour'"):
         swept.lapwing.orbit_diagram(colour="red")

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 SPEED_UNITS = ("rad/s", "m/s")
 # What a figure runs into where a part of a Dataset is missing.
 UNFIT = (LookupError, TypeError, ValueError)
+# Dimensions without coordinates, of which a single value leaves no trace.
+UNLABELLED = {"sweep": ("recorded_cycle",), "branches": ("point", "strobe", "event", "special")}
 
 
 class LapwingAccessor:
@@ -211,6 +213,8 @@ class LapwingAccessor:
         """What `isel` or `sel` took out of a Dataset, in words; empty text, nothing is seen."""
         single = [str(name) for name, one in self._dataset.coords.items() if one.ndim == 0]
         empty = [str(name) for name, size in self._dataset.sizes.items() if size == 0]
+        single += [name for name in UNLABELLED.get(self._kind(), ())
+                   if name not in self._dataset.dims]
         return "; ".join(
             [f"of {name} it has a single value and no axis: isel({name}=[i]) keeps one"
              for name in single] + [f"nothing is left of {name}" for name in empty])

@@ -72,7 +72,9 @@ def headline(data: xr.Dataset) -> str:
     last = _intervals(data)[-1:]
     end = f"; rattling {'reaches' if last[0][1].kind in OPEN else 'ends at'} " \
         f"{last[0][1].words(data)}" if last else \
-        "; no rattling was found above T_full" if "kept" in data.attrs else ""
+        "; no rattling was found above T_full" if "kept" in data.attrs \
+        and data.attrs["low"] <= data.attrs["kept"] else \
+        "; no rattling was found there" if "kept" in data.attrs else ""
     return (f"{_branches(data)} of periodic motions along the "
             f"{parameter_words(data.attrs['parameter'])}{end}")
 
@@ -94,7 +96,11 @@ def findings(data: xr.Dataset) -> list[str]:
                 f"`{name}`); of {plural(kind.size, 'motion')} looked at {told}."]
     rows = _intervals(data)
     if not rows:
-        return [f"**No rattling above {data.attrs['kept']:.10g} N·m** among the motions looked at "
+        # Below the values looked at nothing is known, wherever contact can be kept.
+        low, high = data.attrs["low"], data.attrs["high"]
+        above = f"above {data.attrs['kept']:.10g} N·m" if low <= data.attrs["kept"] \
+            else f"from {low:.10g} to {high:.10g} N·m"
+        return [f"**No rattling {above}** among the motions looked at "
                 f"and their branches (branches `{name}`)." + f" {failed} failed." * bool(failed)]
     last = rows[-1][1]
     said = f"**Rattling ends at T_safe = {last.words(data)}" if last.kind not in OPEN else \

@@ -121,6 +121,17 @@ def test_rattling_does_not_end_with_the_values(diagram):
     assert "; rattling reaches " in headline(cut) and "rattling ends" not in headline(cut)
 
 
+def test_nothing_is_said_of_values_that_were_not_looked_at(diagram):
+    """Where contact can be kept below the lowest value, the values bound what is known."""
+    kept = diagram.attrs["kept"]
+    none = diagram.isel(rattling=slice(0, 0)).assign_attrs(low=kept / 2)
+    assert f"No rattling above {kept:.10g} N·m" in branches_findings(none)[0]
+    assert "above T_full" in headline(none)
+    above = none.assign_attrs(low=2 * kept, high=3 * kept)
+    assert f"No rattling from {2 * kept:.10g} to {3 * kept:.10g} N·m" in branches_findings(above)[0]
+    assert "no rattling was found there" in headline(above)
+
+
 def test_starts_that_failed_bound_no_share(diagram):
     lost = diagram.copy(deep=True)
     random = np.flatnonzero(lost["motion_begun"].values == FoundFrom.RANDOM)

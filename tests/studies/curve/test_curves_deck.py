@@ -79,6 +79,19 @@ def test_it_is_drawn_alone_and_over_a_map(results):
     assert np.array_equal(axis.lines[-1].get_xdata(), data["curve_value"].values)
 
 
+@pytest.mark.parametrize(("parameter", "value"), [
+    ("harmonic_amplitude(1)", 1e-5), ("harmonic_amplitude(2)", 3e-6), ("te_scale", 1.0)])
+def test_curves_begin_at_the_own_value(tmp_path, parameter, value):
+    """Amplitudes are counted from 1; a scale that is left out is 1."""
+    deck = tmp_path / "own.nml"
+    text = TEXT.replace("amplitude = 1e-5", "amplitude = 1e-5, 3e-6")
+    deck.write_text(text.replace("'pinion_speed_rad_s', second_from = 70, second_to = 90",
+                                 f"'{parameter}', second_from = 0, second_to = 1"),
+                    encoding="utf-8")
+    study, = load_deck(deck).studies["branches"]
+    assert study.second["value"] == value
+
+
 @pytest.mark.parametrize(("old", "new", "message"), [
     ("second_from = 70", "second_from = 85", "expected a range that holds"),
     ("second_parameter = 'pinion_speed_rad_s', ", "", "second_from goes with second_parameter"),

@@ -114,9 +114,10 @@ class BranchesKeys(AlongKeys):
             report.add(place, "second_parameter needs second_from and second_to")
             return None
         number = term(name)
-        given = {"parabola_amplitude": builder.curve.parabola_amplitude, **builder.operation}
+        given = {"parabola_amplitude": builder.curve.parabola_amplitude, "te_scale": 1.0,
+                 **builder.operation}
         own = given.get(name, getattr(builder.pair, name, None)) if number is None \
-            else builder.curve.harmonic_amplitude[number]
+            else builder.curve.harmonic_amplitude[number - 1]
         for end in (low, high):
             if out_of_range(name, group, np.array([end])) is not None:
                 report.add(places["second_from"], f"second_parameter: {name} = {end:g}, expected "
