@@ -52,6 +52,7 @@ RUN = lw.simulate(OSC, cycles=2)
 ORBIT = lw.find_orbit(lw.Oscillator(
     lw.TransmissionError.harmonic([1.0]), force=1.0, mesh_frequency_ratio=1.0, restitution=0.7,
     backlash=1e3, damping_ratio=0.1), (0, -5.9, 1.2), settle=1)
+BRANCH = lw.branch(ORBIT, ORBIT.oscillator.with_force, value=1.0, low=0.85, high=1.001)
 RESPONSE = lw.engaged_response(OSC)
 STATE = lw.settled_state(OSC, 3)
 SHORT = {"settle": 1, "record": 1, "pinion_speed_rpm": 300}
@@ -220,6 +221,9 @@ CASES = {
         "starts": GRID, "random_starts": 1, "random_seed": 0, "highest_period": 2, "threads": 1,
         "settle": 1, "doublings": 0, "points": 2, "unstable": 1, "progress": None,
         "pinion_speed_rpm": 300}),
+    "curve": (lw.curve, {
+        "branch": BRANCH, "special": BRANCH.specials[1], "low": -0.01, "high": 0.01, "value": 0.0,
+        "points": 2, "second": lambda force, more: ORBIT.oscillator.with_force(force + more)}),
     "settled_state": (lw.settled_state, {"osc": OSC, "cycles": 2, "start": "rest"}),
     "load_deck": (lw.load_deck, {"path": DECK, "overrides": [("operation.brake_torque", "2")]}),
     "run_deck": (lw.run_deck, {"deck": lw.load_deck(DECK), "parent": FOLDER / "r", "threads": 1,
@@ -230,9 +234,10 @@ CASES = {
 }
 # Enumerations and errors are Python's own; a version is a text; a bar is a context.
 # Results are made by calls.
-RESULTS = {"Branch", "CriticalForce", "CriticalValue", "CycleMaps", "Deck", "EngagedResponse",
-           "Exponents", "Followed", "HybridState", "LapwingAccessor", "LiftOff", "Load",
-           "MeanRotation", "Multipliers", "Orbit", "Outcome", "Point", "Results", "Run", "Special"}
+RESULTS = {"Branch", "CriticalForce", "CriticalValue", "Curve", "CycleMaps", "Deck",
+           "EngagedResponse", "Exponents", "Followed", "HybridState", "LapwingAccessor", "LiftOff",
+           "Load", "MeanRotation", "Meeting", "Multipliers", "Orbit", "Outcome", "Point", "Results",
+           "Run", "Special"}
 NOT_CALLED = {"ArgumentError", "BranchOutcome", "DeckError", "Ending", "EventKind", "MotionState",
               "NoOrbit", "ParameterError", "SearchStage", "SpecialPoint", "Status", "__version__",
               "progress_bar", *RESULTS}

@@ -271,7 +271,8 @@ contains
       associate (time => self%sample_time(:, self%sums%next_sample))
         if (time(1) > segment%begin%cycle + 0.5_wp) return
         s = time(2) - segment%begin%t
-        if (s >= segment%length .and. .not. segment%cycle_completed) return
+        ! By the very sum that the run goes by: where that is past the sample nothing may follow.
+        if (time(2) >= segment%begin%t + segment%length .and. .not. segment%cycle_completed) return
       end associate
       call instant_on(flow, system, segment%arc_t, s, frame, instant)
       call sample_at(self, system, instant, work)

@@ -62,7 +62,7 @@ def test_kinds_are_by_what_arrives_and_repeats(plane):
         assert (word == "engaged throughout") == (engaged and not run["arrivals"] and not back)
         assert ("back impacts" in word) == back
         assert ("no period" in word) == (period == 0)
-    assert len(np.unique(found)) > 3
+    assert len(np.unique(found)) > 2
     assert np.array_equal(map_rattles(plane).values, found.values != 0)
 
 

@@ -103,7 +103,8 @@ def curve(branch: Branch, special: Special, second: str | Callable[[float, float
         raise ValueError(f"low = {low:g} must be below high = {high:g}")
     make, value = _varied(branch, second, value, special)
     if not low <= value <= high:
-        raise ValueError(f"the branch's own value, {value:g}, lies outside of {low:g} to {high:g}")
+        raise ValueError(f"the branch's own value = {value:g} lies outside of low = {low:g} to "
+                         f"high = {high:g}")
     name = second if isinstance(second, str) else "the second parameter"
     return traced(branch, special, make, value, (low, high), points, name)
 

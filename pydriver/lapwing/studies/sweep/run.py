@@ -204,11 +204,12 @@ def _check(pair: GearPair, te: TransmissionError, parameter: str, values: Any,
     taken.take(arguments.instance, "pair", pair, GearPair)
     taken.take(arguments.instance, "te", te, TransmissionError)
     taken.take(arguments.choice, "parameter", parameter, parameters(te, curves=True))
-    axes, curves = taken_axes(taken, te, {parameter: values}, "values")
+    name = parameter if isinstance(parameter, str) else ""
+    axes, curves = taken_axes(taken, te, {name: values}, "values")
     if starts is None:
-        starts = STARTS if parameter != CURVE else ("rest",)
+        starts = STARTS if name != CURVE else ("rest",)
     begun = taken.take(arguments.choices, "starts", starts, STARTS, least=1)
-    if parameter == CURVE and begun and set(begun) - {"rest"}:
+    if name == CURVE and begun and set(begun) - {"rest"}:
         taken.problems.append("starts: nothing is carried along 'te', whose values have no order; "
                               "expected 'rest'")
     observed = taken.take(arguments.choices, "observe", observe, RECORDS)
