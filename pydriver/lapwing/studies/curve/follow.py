@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from lapwing.studies.branch.motion.curve import NotCorrected
 from lapwing.studies.branch.special import Kind, Outcome
+from lapwing.studies.branch.trace.path import is_back
 from lapwing.studies.curve.condition import SMOOTH
 from lapwing.studies.curve.sheet import Spot
 from lapwing.studies.curve.trace import NOT_ZERO, Meeting, State, Tracer
@@ -145,6 +145,5 @@ def _between(tracer: Tracer, state: State, after: State, step: float) -> list[Me
 def _closed(tracer: Tracer, start: Spot, spot: Spot, step: float) -> bool:
     if not start.layout.same(spot.layout):
         return False
-    weights = tracer.sheet.weights(spot.layout)
-    away = math.sqrt(float(weights @ (start.y - spot.y)**2))
-    return away < step and float(weights @ (start.tangent * spot.tangent)) > 0.9
+    return is_back(tracer.sheet.weights(spot.layout), (start.y, start.tangent),
+                   (spot.y, spot.tangent), step)

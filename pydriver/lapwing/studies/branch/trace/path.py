@@ -232,9 +232,22 @@ def _without_bounces(follower: Follower, place: Place, summed: NDArray[Any]) -> 
 def _same_place(follower: Follower, one: Place, two: Place, step: float) -> bool:
     if not one.layout.same(two.layout):
         return False
-    weights = follower.problem.weights(one.layout)
-    away = math.sqrt(float(weights @ (one.z - two.z) ** 2))
-    return away < step and float(weights @ (one.tangent * two.tangent)) > 0.9
+    return is_back(follower.problem.weights(one.layout), (one.z, one.tangent),
+                   (two.z, two.tangent), step)
+
+
+def is_back(weights: NDArray[Any], one: tuple[NDArray[Any], NDArray[Any]],
+            two: tuple[NDArray[Any], NDArray[Any]], step: float) -> bool:
+    """Whether two points, each with its tangent, lie within a step and go on the same way.
+
+    Parameters
+    ----------
+    weights : array (n,), of the components in a length
+    one, two : pairs of arrays (n,), point and tangent
+    step : float, a length
+    """
+    away = math.sqrt(float(weights @ (one[0] - two[0]) ** 2))
+    return away < step and float(weights @ (one[1] * two[1])) > 0.9
 
 
 def _ended(point: Point, kind: Kind, words: str) -> Special:
