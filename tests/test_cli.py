@@ -295,7 +295,7 @@ plots.FIGURES.update(response=("response.history",), sweep=())
 sys.argv = ["lapwing", "run", {deck!r}, "--out", {out!r}, "--threads", "{threads}"]
 main()
 """
-PLACES = {"lapwing.deck:load_deck": False, "lapwing.studies.response.study:response": False,
+PLACES = {"lapwing.deck:load_deck": False, "lapwing.studies.response.study:prepared": False,
           "lapwing.studies.sweep.study:sweep": True, "lapwing.results.file:store_checksums": True,
           "lapwing.plots:attempt": True, "lapwing.plots.pool:wait": True}
 
@@ -311,7 +311,7 @@ def signalled(tmp_path, where, signum):
 
 
 EVERY_DAY = {("SIGINT", "lapwing.deck:load_deck"),
-             ("SIGINT", "lapwing.studies.response.study:response"),
+             ("SIGINT", "lapwing.studies.response.study:prepared"),
              ("SIGINT", "lapwing.plots.pool:wait"), ("SIGTERM", "lapwing.plots:attempt"),
              ("SIGUSR1", "lapwing.results.file:store_checksums")}
 

@@ -103,13 +103,13 @@ def test_a_single_response_is_not_silent(tmp_path, hasty, monkeypatch):
     """The response does not go on before a line was written."""
     from lapwing.studies.response import study as home
 
-    stream, original = Log(), home.response
+    stream, original = Log(), home.prepared
 
     def slow(*given, **options):
         assert stream.spoken.wait(NEVER)
         return original(*given, **options)
 
-    monkeypatch.setattr(home, "response", slow)
+    monkeypatch.setattr(home, "prepared", slow)
     monkeypatch.setattr("lapwing.plots.tasks_of", lambda _: [])
     lines = Lines("small", stream)
     run_deck(load_deck(write_deck(tmp_path)), tmp_path / "r", threads=1, progress=lines)

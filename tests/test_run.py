@@ -339,7 +339,7 @@ def test_an_interrupted_run_goes_on_where_it_stopped(done, tmp_path, monkeypatch
     assert f"before all studies of the deck were finished. No result: sweep `{name}`." in said
     assert outcome.headlines[-1] == f"{name}: not finished, no result"
     with monkeypatch.context() as patch:
-        patch.setattr("lapwing.studies.response.study.response", None)  # is not computed again
+        patch.setattr("lapwing.studies.response.study.prepared", None)  # is not computed again
         outcome = run_deck(load_deck(done[0]), out, threads=1)
     assert not outcome.interrupted and "1 finished study taken over" in outcome.notes[0]
     assert checksums(out / "small" / "result.nc") == checksums(done[1] / "result.nc")
@@ -370,7 +370,7 @@ def test_a_signal_while_drawing_keeps_the_results(done, tmp_path, monkeypatch):
     with read_results(out / "small" / "result.nc") as results:
         assert not results.interrupted
     with monkeypatch.context() as patch:
-        for study in ("response.study.response", "sweep.study.sweep"):
+        for study in ("response.study.prepared", "sweep.study.sweep"):
             patch.setattr(f"lapwing.studies.{study}", None)
         assert not run_deck(load_deck(done[0]), out, threads=1).interrupted
     assert contents(out / "small").keys() == contents(done[1]).keys()
@@ -428,7 +428,7 @@ def test_figures_without_room_are_named_and_the_numbers_kept(done, tmp_path,
     manifest = Manifest.read(folder)
     assert manifest.state == "incomplete" and not manifest.damaged(folder)
     with monkeypatch.context() as patch:
-        for study in ("response.study.response", "sweep.study.sweep"):
+        for study in ("response.study.prepared", "sweep.study.sweep"):
             patch.setattr(f"lapwing.studies.{study}", None)
         assert call("run", done[0], "--out", folder.parent, *ALL).exit_code == OK
     found = contents(folder)

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from lapwing.progress import Bars, Lines
 
 # Said of what shares work, where no study of a deck is cut into shards.
-NONE_TO_SHARE = "goes with &map, &ensemble and &basins; the deck has none"
+NONE_TO_SHARE = ("goes with &map, &ensemble and &basins, and with long &sweep and &response; "
+                 "the deck has none")
 
 OK, FAILED, BAD_INPUT, SURROUNDINGS = (
     ExitCode.GOOD, ExitCode.FAILED, ExitCode.BAD_INPUT, ExitCode.SURROUNDINGS)

@@ -45,7 +45,8 @@ class StudyState:
     records, record_unit : int or None, str, what is kept one by one of a study that has no result
         yet: trials, branches. How many are left is not known
     seconds_per_record : float or None, of the records that came last
-    failed_runs : list of int, the first of those that failed, counted as `status` is
+    failed_runs : list of int, the first of those that failed, counted as `status` is; empty where
+        parts of one run are counted
     begins_anew : bool, whether what is done is of a run that was interrupted, from which the next
         one does not go on
     """
@@ -182,9 +183,9 @@ def _rerun(results: Path, studies: list[StudyState]) -> str | None:
 
     for one in studies:
         part = STUDIES[one.study.partition("_")[0]].part("study")
-        if one.failed_runs and hasattr(part, "again"):
+        if one.failed and hasattr(part, "again"):
             return shlex.join(["lapwing", "rerun", str(results), one.study,
-                               str(one.failed_runs[0])])
+                               str((one.failed_runs or [0])[0])])
     return None
 
 
@@ -237,6 +238,8 @@ def _of_shards(state: StudyState, job: Any, folder: Path, running: bool) -> None
         ended = ended.reshape(grid.shape).transpose(
             [grid.order.index(name) for name in grid.axes]).ravel()
     _counted(state, ended)
+    if job.unit:  # parts of one run, which is repeated whole
+        state.unit, state.failed_runs = job.unit, []
     state.shards, state.shards_done = job.cut.shards, len(came)
     state.runs_per_second = _rate(sorted(came)[-RECENT:])
     if running and state.runs_per_second and state.missing:

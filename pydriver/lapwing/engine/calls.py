@@ -7,7 +7,7 @@ run between two calls is one array (`blob`), and where a run is cut changes no b
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -158,8 +158,12 @@ class TrajectoryCall:
         return self._wanted.cycles
 
     def run(self, target: tuple[int, float],
-            sample_times: Sequence[tuple[float, float]] | NDArray[Any]) -> TrajectoryCall:
-        """Go on until the target (cycle, t); `sample_times` is (n, 2), cycle and t, rising."""
+            sample_times: Sequence[tuple[float, float]] | NDArray[Any],
+            between: Callable[[int], object] | None = None) -> TrajectoryCall:
+        """Go on until the target (cycle, t); `sample_times` is (n, 2), cycle and t, rising.
+
+        `between` is told the cycle reached between two calls of the engine; it may raise.
+        """
         wants_log = self._wanted.events or self._wanted.grazes
         by_cycle = self._wanted.cycles or self._wanted.strobe or self._wanted.tangent
         room = min(CYCLE_ROOM, target[0] - self.cycle + 1) if by_cycle else 1
@@ -197,6 +201,8 @@ class TrajectoryCall:
             status = Status(int(done[0]))
             if status != Status.UNFINISHED and (status != Status.OK or step_target == target):
                 break
+            if between is not None:
+                between(cycle)
             self.checkpoints = thinned((*self.checkpoints, (cycle, done[4], self.blob.copy())))
         self.status = status
         self.cycle, self.t, self.motion_state, self.phi, self.phi_dot = (

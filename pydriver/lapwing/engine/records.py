@@ -78,7 +78,7 @@ def named(rows: NDArray[Any], table: np.dtype[Any]) -> NDArray[Any]:
 
 def numbers(table: NDArray[Any]) -> NDArray[np.float64]:
     """The other way: array (..., columns) of a structured array."""
-    return np.ascontiguousarray(table).view(float).reshape(*table.shape, -1)
+    return np.ascontiguousarray(table).view(float).reshape(*table.shape, table.itemsize // 8)
 
 
 def unknown(table: np.dtype[Any], *shape: int) -> NDArray[Any]:

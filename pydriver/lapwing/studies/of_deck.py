@@ -162,17 +162,33 @@ def _one_by_one(study: Study, deck: Deck, threads: int, report: Callable[..., An
 
 def _side_by_side(study: Study, deck: Deck, threads: int, report: Callable[..., Any],
                   known: dict[tuple[str, str], xr.Dataset], found: dict[str, dict[str, Any]],
-                  _: object) -> bool:
-    """The same, several at a time."""
+                  keeping: dict[str, Any]) -> bool:
+    """The same, several at a time; of those that keep shards each has its share of the threads."""
     from lapwing.studies.side_by_side import side_by_side
 
     part = study.part("study")  # loaded by one thread, before there are several
     asked = deck.studies[study.kind]
     orders = [order for order, one in enumerate(asked) if (study.kind, one.name) not in known]
     done = report(f"{study.kind}s", len(orders), f"{study.kind}s")
-    new, complete = side_by_side(
-        lambda order: part.carry_out(deck, asked[order], order, 1, None), orders,
-        share_of(threads), done)
+    parts = dict.fromkeys(orders, 0.0)
+    share = max(1, threads // max(1, len(orders)))
+
+    def carried_out(order: int) -> xr.Dataset:
+        def told(fraction: float) -> None:
+            parts[order] = fraction
+            done(sum(parts.values()) / len(parts))
+
+        one = asked[order]
+        if not (keeping and _keeps(study, one)):
+            dataset: xr.Dataset = part.carry_out(deck, one, order, 1, None)
+        else:
+            dataset = part.carry_out(
+                deck, one, order, share, told,
+                **{**keeping, "folder": shards_of(keeping["folder"], study.kind, one.name)})
+        told(1.0)
+        return dataset
+
+    new, complete = side_by_side(carried_out, orders, share_of(threads), lambda _: None)
     made = {orders[place]: dataset for place, dataset in new.items()}
     for order, one in enumerate(asked):
         dataset = known.get((study.kind, one.name), made.get(order))

@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from lapwing.deck import load_deck
-from lapwing.engine import Numerics
+from lapwing.engine import REST, Numerics
 from lapwing.studies.of_deck import compute
-from lapwing.studies.response.run import motion_of
+from lapwing.studies.response.mesh_force import sample_phases
+from lapwing.studies.response.outcome import Outcome
+from lapwing.studies.response.recording import Pass
 
 DECK = Path(__file__).parents[2] / "deck" / "accepted" / "measured.nml"
 
@@ -23,6 +25,13 @@ def alone(tmp_deck):
     return tmp_deck
 
 
+def motion_of(osc, deck, study):
+    """The motion alone, by one run."""
+    recording = Pass(osc, (REST, 0.0, 0.0, 0.0), (20, 20), sample_phases(osc, 8)[0],
+                     Numerics(**deck.numerics_of(study))).whole()
+    return Outcome.of(osc, deck.gear_pair, recording, deck.numerics["max_period"]).in_short
+
+
 def test_classes_are_those_of_the_runs_on_the_repeats():
     deck = alone(load_deck(DECK))
     data = compute(deck, 1, silent).studies["response"]["a"]
@@ -33,9 +42,7 @@ def test_classes_are_those_of_the_runs_on_the_repeats():
     study = deck.responses[0]
     for i in (0, 39):
         osc = deck.gear_pair.oscillator(deck.curve.repeats(40)[i], **study.operation)
-        motion = motion_of(osc, deck.gear_pair, start="rest", phase=0.0, settle_cycles=20,
-                           record_cycles=20, max_period=deck.numerics["max_period"],
-                           numerics=Numerics(**deck.numerics_of(study)))
+        motion = motion_of(osc, deck, study)
         assert motion.motion_class == classes[i]
         assert motion.deepest_separation == data["repeat_deepest_separation"].values[i]
     assert 0 <= data.attrs["deepest_separation_low"] <= data.attrs["deepest_separation"] \
@@ -45,9 +52,7 @@ def test_classes_are_those_of_the_runs_on_the_repeats():
 def test_the_motion_of_the_curve_itself_is_that_of_the_response():
     deck = alone(load_deck(DECK, [("transmission_error.curve_repeats", "0")]))
     data, study = compute(deck, 1, silent).studies["response"]["a"], deck.responses[0]
-    motion = motion_of(deck.oscillator(study), deck.gear_pair, start="rest", phase=0.0,
-                       settle_cycles=20, record_cycles=20, max_period=deck.numerics["max_period"],
-                       numerics=Numerics(**deck.numerics_of(study)))
+    motion = motion_of(deck.oscillator(study), deck, study)
     assert motion.motion_class == data.attrs["motion_class"] and "repeat_class" not in data
     assert np.array_equal([motion.impacts_per_cycle, motion.deepest_separation],
                           [data.attrs["impacts_per_cycle"], data.attrs["deepest_separation"]])

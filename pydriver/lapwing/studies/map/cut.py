@@ -87,10 +87,54 @@ class Cut:
 
 
 @dataclass(frozen=True)
+class Line:
+    """One chain that is cut where its bounds say; see `Cut`.
+
+    Attributes
+    ----------
+    bounds : tuple of int, rising, from 0 to the number of runs
+    """
+
+    bounds: tuple[int, ...]
+
+    @property
+    def runs(self) -> int:
+        """How many it has."""
+        return self.bounds[-1]
+
+    @property
+    def shards(self) -> int:
+        """How many there are."""
+        return len(self.bounds) - 1
+
+    @property
+    def links(self) -> int:
+        """All of them are one chain."""
+        return self.shards
+
+    @property
+    def chains(self) -> int:
+        """There is one."""
+        return 1
+
+    def chain(self, index: int) -> range:
+        """Its shards, in the order in which they follow from each other."""
+        return range(self.shards)
+
+    def before(self, index: int) -> int | None:
+        """The shard that one goes on from, or None."""
+        return index - 1 if index else None
+
+    def place(self, index: int) -> tuple[int, int]:
+        """First run of a shard, and the one behind its last."""
+        return self.bounds[index], self.bounds[index + 1]
+
+
+@dataclass(frozen=True)
 class Cuts:
     """Several rows of runs one after the other, each with its own cut; see `Cut`."""
 
-    parts: tuple[Cut, ...]
+    parts: tuple[Cut | Line, ...]
 
     @property
     def shards(self) -> int:
@@ -128,7 +172,7 @@ class Cuts:
         """Whether a shard is one of a chain of several."""
         return self._of(index)[0].links > 1
 
-    def _of(self, index: int) -> tuple[Cut, int, int]:
+    def _of(self, index: int) -> tuple[Cut | Line, int, int]:
         """The cut that a shard is of, its number there, and the runs before this cut's."""
         runs = 0
         for part in self.parts:

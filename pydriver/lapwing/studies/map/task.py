@@ -37,7 +37,10 @@ class Task:
     kept : dict of variable of a shard -> dtype
     run_bytes : int, what a run takes of memory in the whole study
     about : dict, what a study says of how it was made
+    unit : str, what its runs are called where it is not what its results have; empty: it is
     """
+
+    unit = ""
 
     grid: Any
     start: str

@@ -21,6 +21,7 @@ from lapwing.results.shards import Shard, read_digest, read_shard, write_shard
 from lapwing.studies.map.observed import RATES, rate_of
 from lapwing.studies.map.shards import Job, make_shard
 from lapwing.studies.map.task import Task
+from lapwing.studies.side_by_side import LISTEN
 
 # Shards handed over beyond those that are worked at: to threads, and to another executor, of which
 # it is not known how many workers it has.
@@ -197,7 +198,8 @@ class _Work:
                 index = ready.popleft()
                 under_way[submit(index)] = index
             try:
-                done, _ = wait(under_way, return_when=FIRST_COMPLETED)
+                # Not for ever: a signal that another thread hears wakes no one.
+                done, _ = wait(under_way, LISTEN, FIRST_COMPLETED)
                 for future in done:
                     index = under_way.pop(future)
                     self._take(future, index)

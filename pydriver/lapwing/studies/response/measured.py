@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,10 @@ from lapwing.base.codes import Status
 from lapwing.engine import Numerics
 from lapwing.model.curve.interval import repeat_interval
 from lapwing.model.oscillator import ParameterError
-from lapwing.studies.response.run import Motion, motion_of
+from lapwing.studies.response.mesh_force import sample_phases
+from lapwing.studies.response.outcome import Motion, Outcome
+from lapwing.studies.response.recording import Pass, Recording
+from lapwing.studies.trajectory import checked_start, engine_start
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,14 +28,28 @@ if TYPE_CHECKING:
 NUMBERS = ("impacts_per_cycle", "deepest_separation")
 
 
-def with_repeats(found: xr.Dataset, deck: Deck, study: Asked) -> xr.Dataset:
+def passes_on_repeats(deck: Deck, study: Asked) -> list[Pass | None]:
+    """The motion of a response on each other curve that samples with the same noise might give.
+
+    None where a curve reaches beyond a coast flank that stands still; no passes where there are no
+    repeats.
+    """
+    many = deck.te_table.fit.get("curve_repeats", 0)
+    if not many or deck.curve is None:
+        return []
+    return [_pass_on(te, deck, study) for te in deck.curve.repeats(many)]
+
+
+def with_repeats(found: xr.Dataset, deck: Deck, passes: Sequence[Pass | None],
+                 recordings: Iterable[Recording]) -> xr.Dataset:
     """A response with its motion on other curves that samples with the same noise might give.
 
     Parameters
     ----------
     found : xarray.Dataset of `response`
     deck : lapwing.deck.Deck
-    study : lapwing.deck.Response
+    passes : `passes_on_repeats`
+    recordings : of the passes there are, one after the other; asked for where `found` is good
 
     Returns
     -------
@@ -41,14 +59,16 @@ def with_repeats(found: xr.Dataset, deck: Deck, study: Asked) -> xr.Dataset:
     (how many lead to which class, in words) and X_low and X_high of both numbers
     (`repeat_interval`); as it was where there are no repeats
     """
-    many = deck.te_table.fit.get("curve_repeats", 0)
-    if not many or deck.curve is None or found.attrs["status"] != Status.OK:
+    if not passes or found.attrs["status"] != Status.OK:
         return found
-    motions = [_motion_on(te, deck, study) for te in deck.curve.repeats(many)]
+    each = iter(recordings)
+    motions = [Motion(None, "failed", math.nan, math.nan) if one is None else Outcome.of(
+        one.osc, deck.gear_pair, next(each), deck.numerics["max_period"]).in_short
+        for one in passes]
     classes = Counter(one.motion_class for one in motions)
     words = ", ".join(f"{name} on {count}" for name, count in sorted(
         classes.items(), key=lambda item: (-item[1], item[0])))
-    found = found.assign_attrs(curve_repeats=many, repeat_classes=words).assign(
+    found = found.assign_attrs(curve_repeats=len(passes), repeat_classes=words).assign(
         repeat_class=("repeat", np.array([one.motion_class for one in motions], dtype=object)))
     found = found.assign({f"repeat_{name}": ("repeat", np.array(
         [getattr(one, name) for one in motions])) for name in NUMBERS})
@@ -58,13 +78,13 @@ def with_repeats(found: xr.Dataset, deck: Deck, study: Asked) -> xr.Dataset:
     return found
 
 
-def _motion_on(te: TransmissionError, deck: Deck, study: Asked) -> Motion:
-    """The motion on another curve."""
+def _pass_on(te: TransmissionError, deck: Deck, study: Asked) -> Pass | None:
+    """The motion on another curve: one run, few samples."""
     try:
         osc = deck.gear_pair.oscillator(te, **study.operation)
     except ParameterError:  # beyond a coast flank that stands still
-        return Motion(None, "failed", math.nan, math.nan)
-    return motion_of(
-        osc, deck.gear_pair, start=study.start, phase=deck.numerics["start_phase"],
-        settle_cycles=study.settle_cycles, record_cycles=study.record_cycles,
-        max_period=deck.numerics["max_period"], numerics=Numerics(**deck.numerics_of(study)))
+        return None
+    phase = deck.numerics["start_phase"]
+    start = engine_start(osc, checked_start(osc, study.start, phase))
+    return Pass(osc, (*start, phase), (study.settle_cycles + (phase > 0), study.record_cycles),
+                sample_phases(osc, 8)[0], Numerics(**deck.numerics_of(study)))

@@ -19,14 +19,15 @@ import numpy as np
 from numpy.polynomial import polynomial as power
 from numpy.typing import NDArray
 
-from lapwing.base.codes import EventKind, MotionState, Status
+from lapwing.base.codes import EventKind, MotionState
 from lapwing.engine import of_kind
 from lapwing.engine.records import SAMPLE
 from lapwing.model.transmission_error.extrema import stationary_points
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from lapwing.model.oscillator import Oscillator
-    from lapwing.studies.response.recording import Recording
 
 # Terms of the series.  Intervals are so short that |λ|h <= 1/2 for both free exponents λ and
 # 2πnh <= 1/2 for each harmonic n: what is left out is below 1/(2^18·18!) = 6e-22.
@@ -87,26 +88,37 @@ def deflection(osc: Oscillator, state: NDArray[Any], phi: NDArray[Any], phi_dot:
             phi_dot + np.where(standing, slope, 0.0))
 
 
-def contact_forces(osc: Oscillator, recording: Recording) -> NDArray[Any]:
+def contact_forces(osc: Oscillator, grid: NDArray[Any], samples: NDArray[Any],
+                   events: NDArray[Any], record: int,
+                   told: Callable[[float], object] = lambda _: None) -> NDArray[Any]:
     """Mean and largest magnitude of W/(k'·lever) in each cycle, (2, record), rad.
 
-    Impacts are not included. NaN where a run failed, and under the rigid law, which has no spring;
-    the largest also where the phases of the recording lie too far apart for the series.
+    Impacts are not included. NaN under the rigid law, which has no spring; the largest also where
+    the phases sampled lie too far apart for the series.
+
+    Parameters
+    ----------
+    osc : Oscillator
+    grid : (n,) array of the phases sampled
+    samples : table (record·n + 1,), the last one at the end of the last cycle
+    events : table of the events of these cycles, counted from the first
+    record : int
+    told : callable(fraction done), called before each batch of cycles
     """
-    record = len(recording.cycles)
     result = np.full((2, record), np.nan)
-    if recording.status != Status.OK or osc.contact_law == "rigid":
+    if osc.contact_law == "rigid":
         return result
-    size = recording.grid.size
-    phase = np.append(recording.grid, 1.0)
+    size = grid.size
+    phase = np.append(grid, 1.0)
     flank = flank_motion(osc, phase)
     # Phases are fractions of the period to rounding.
     near = osc.period * np.diff(phase).max() <= _longest(osc) * (1 + 1e-9)
-    log = of_kind(recording.events, (*BEGINS, *ENDS))
+    log = of_kind(events, (*BEGINS, *ENDS))
     for m in range(0, record, BATCH):
+        told(1.0)
         cycles = np.arange(m, min(m + BATCH, record))
-        samples = recording.samples[cycles[:, None] * size + np.arange(size + 1)]
-        nodes = _nodes(osc, phase, samples, flank, log[np.isin(log["cycle"], cycles)], m)
+        some = samples[cycles[:, None] * size + np.arange(size + 1)]
+        nodes = _nodes(osc, phase, some, flank, log[np.isin(log["cycle"], cycles)], m)
         result[0, cycles] = [_mean(osc, one) for one in nodes]
         if near:
             result[1, cycles] = _peaks(osc, nodes)

@@ -36,7 +36,7 @@ def shares_of_time(events: NDArray[Any], states: NDArray[Any],
 
     Parameters
     ----------
-    events : table (n,) of events; cycles counted from the first recorded one
+    events : table (n,) of events in their order; cycles counted from the first recorded one
     states : array (n,), motion state at the beginning of each cycle
     period : float, mesh period in τ
 
@@ -45,12 +45,13 @@ def shares_of_time(events: NDArray[Any], states: NDArray[Any],
     dict of SHARES -> array (n,), summing to one; NaN where a state is
     """
     begins = of_kind(events, BEGINS)
+    first = np.searchsorted(begins["cycle"], np.arange(len(states) + 1))
     shares = np.zeros((len(states), len(MotionState)))
     for m, state in enumerate(states):
         if np.isnan(state):
             shares[m] = np.nan
             continue
-        seen = begins[begins["cycle"] == m]
+        seen = begins[first[m]:first[m + 1]]
         at = np.concatenate([[0.0], seen["t"], [period]])
         held = [int(state), *(int(BEGINS[EventKind(int(kind))]) for kind in seen["kind"])]
         np.add.at(shares[m], held, np.diff(at) / period)

@@ -8,9 +8,9 @@ Over whole periods  mean W + impulses per time = k'·(r_m1·n_mt)·F,  the avera
 
 from __future__ import annotations
 
-import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,30 +18,19 @@ from numpy.typing import NDArray
 from lapwing import engine
 from lapwing.base import arguments, estimates
 from lapwing.base.arguments import MAX_INT, Refusals, renamed
-from lapwing.base.arrivals import arrivals_of
 from lapwing.base.codes import EventKind, MotionState, Status
 from lapwing.base.quantities import worded
-from lapwing.engine import chosen, columns, impacts_of
-from lapwing.engine.records import (
-    CYCLE,
-    CYCLE_REALS,
-    EVENT,
-    SAMPLE,
-)
+from lapwing.engine import chosen
+from lapwing.engine.records import CYCLE, CYCLE_REALS, EVENT, SAMPLE
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.oscillator import Oscillator
 from lapwing.studies import mean_rotation
-from lapwing.studies.intervals import mean_interval
 from lapwing.studies.labels import settings
-from lapwing.studies.period import LABELS, MAX_PERIOD, find_period, motion_class
+from lapwing.studies.period import MAX_PERIOD
 from lapwing.studies.response import motion
-from lapwing.studies.response.mesh_force import (
-    contact_forces,
-    deflection,
-    flank_motion,
-    sample_phases,
-)
-from lapwing.studies.response.recording import Recording, recorded
+from lapwing.studies.response.mesh_force import deflection, flank_motion, sample_phases
+from lapwing.studies.response.outcome import Outcome, findings
+from lapwing.studies.response.recording import Pass, Recording
 from lapwing.studies.trajectory import checked_start, engine_start
 
 if TYPE_CHECKING:
@@ -49,17 +38,7 @@ if TYPE_CHECKING:
 
     from lapwing.engine.numerics import Numerics
 
-# Averages over cycles, and largest values over cycles.
-MEANS = ("impacts_per_cycle", "back_impacts_per_cycle", "resolved_impacts_per_cycle",
-         "resolved_back_impacts_per_cycle", "chatter_ends_per_cycle", "mesh_force_mean",
-         "impact_force_mean", "impact_energy_per_cycle", *motion.SHARES)
-PEAKS = ("deepest_separation", "deepest_back_penetration", "mesh_force_peak", "impact_speed_max")
 TIGHTEST_RTOL = 1e-13
-# The difference of two runs is the error of the worse one, less the better one's: a quarter more
-# (Roache 1994, J. Fluids Eng. 116, 405-413). Rounding: of the sums of a cycle's arcs.
-SAFETY = 1.25
-ROUNDING = 64 * float(np.finfo(float).eps)
-
 
 @arguments.complete(old=("settle_cycles", "record_cycles"))
 def response(osc: Oscillator, pair: GearPair, *, name: str = "response", start: Any = "rest",
@@ -132,15 +111,56 @@ def response(osc: Oscillator, pair: GearPair, *, name: str = "response", start: 
     ValueError
         for every refused argument.
     """
-    settle_cycles, record_cycles = renamed(
+    settle, record = renamed(
         old, "response", {"settle_cycles": ("settle", settle), "record_cycles": ("record", record)})
-    _check(phase, settle=settle_cycles, record=record_cycles,
-           samples_per_cycle=samples_per_cycle, max_period=max_period, order=order)
-    settle_cycles, record_cycles, samples_per_cycle, max_period, order = map(
-        int, (settle_cycles, record_cycles, samples_per_cycle, max_period, order))
+    made = prepared(
+        osc, pair, name=name, start=start, phase=phase, settle=settle, record=record,
+        samples_per_cycle=samples_per_cycle, exponents=exponents, max_period=max_period,
+        order=order, numerics=numerics, method=method, rtol=rtol, chatter_tol=chatter_tol,
+        count_depth=count_depth, max_events_per_cycle=max_events_per_cycle,
+        max_steps_per_cycle=max_steps_per_cycle, claim_impacts_per_cycle=claim_impacts_per_cycle,
+        claim_deepest_separation=claim_deepest_separation, claim_text=claim_text)
+    return dataset_of(made, (one.whole() for one in made.passes))
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """The checked arguments of `response`.
+
+    Attributes
+    ----------
+    osc : Oscillator
+    pair : GearPair
+    numerics : Numerics
+    passes : Pass, Pass; of the response, and of the run that judges its numbers
+    stored : array, which of the phases sampled are stored
+    given : dict of attributes
+    """
+
+    osc: Oscillator
+    pair: GearPair
+    numerics: Numerics
+    passes: tuple[Pass, Pass]
+    stored: NDArray[Any]
+    given: dict[str, Any]
+
+
+def prepared(osc: Oscillator, pair: GearPair, *, name: str, start: Any, phase: float, settle: int,
+             record: int, samples_per_cycle: int, exponents: bool, max_period: int = MAX_PERIOD,
+             order: int = 0, numerics: Numerics | None = None, method: str = "auto",
+             rtol: float = 1e-8, chatter_tol: float | None = None, count_depth: float = 0.01,
+             max_events_per_cycle: int = 1_000_000, max_steps_per_cycle: int = 10_000_000,
+             claim_impacts_per_cycle: float | None = None,
+             claim_deepest_separation: float | None = None,
+             claim_text: str | None = None) -> Prepared:
+    """The checked arguments of `response`, which says what is refused."""
+    _check(phase, settle=settle, record=record, samples_per_cycle=samples_per_cycle,
+           max_period=max_period, order=order)
+    settle, record, samples_per_cycle, max_period, order = map(
+        int, (settle, record, samples_per_cycle, max_period, order))
     _check_others(osc, pair, name, exponents, claim_impacts_per_cycle, claim_deepest_separation,
                   claim_text)
-    estimates.require(estimates.response_bytes(record_cycles, samples_per_cycle, exponents),
+    estimates.require(estimates.response_bytes(record, samples_per_cycle, exponents),
                       "response", "record_cycles or samples_per_cycle")
     start = checked_start(osc, start, phase)
     numerics = chosen(
@@ -150,14 +170,12 @@ def response(osc: Oscillator, pair: GearPair, *, name: str = "response", start: 
         max_steps_per_cycle=(max_steps_per_cycle, 10_000_000))
     rtol = numerics.rtol
     grid, stored = sample_phases(osc, samples_per_cycle)
-    estimates.require(estimates.response_bytes(record_cycles, grid.size, exponents), "response",
+    estimates.require(estimates.response_bytes(record, grid.size, exponents), "response",
                       "record_cycles: so long a mesh period is sampled more closely than asked for")
-    span = (settle_cycles + (phase > 0), record_cycles)
+    span = (settle + (phase > 0), record)
     other = max(rtol / 100, TIGHTEST_RTOL) if rtol >= 10 * TIGHTEST_RTOL else 100 * rtol
-    main, reference = (
-        _Outcome.of(osc, pair, recorded(osc, (*engine_start(osc, start), phase), span, grid,
-                                         one, exponents), max_period)
-        for one in (numerics, replace(numerics, method="rk4", rtol=other)))
+    main, reference = (Pass(osc, (*engine_start(osc, start), phase), span, grid, one, exponents)
+                       for one in (numerics, replace(numerics, method="rk4", rtol=other)))
     given = {
         "name": name, "order": order, "brake_torque": osc.force / pair.force_per_torque
         if osc.brake_torque is None else osc.brake_torque,
@@ -166,47 +184,25 @@ def response(osc: Oscillator, pair: GearPair, *, name: str = "response", start: 
         "method": engine.method_of(osc, numerics),
         "rtol_reference": other, "start_phase": phase,
         "start": start if isinstance(start, str) else " ".join(map(str, start)),
-        "settle_cycles": settle_cycles, "record_cycles": record_cycles,
+        "settle_cycles": settle, "record_cycles": record,
         "first_cycle": span[0], "samples_per_cycle": samples_per_cycle,
         "max_period": max_period,
         "claim_impacts_per_cycle": claim_impacts_per_cycle,
         "claim_deepest_separation": claim_deepest_separation, "claim_text": claim_text}
-    return _dataset(osc, pair, main, stored).assign_attrs(
-        settings(osc, numerics, pair=pair)
-        | {key: value for key, value in given.items() if value is not None}
-        | _findings(main, reference)
+    return Prepared(osc, pair, numerics, (main, reference), stored, given)
+
+
+def dataset_of(made: Prepared, recordings: Iterable[Recording]) -> xr.Dataset:
+    """What `response` returns, from the recordings of both passes."""
+    osc, pair, max_period = made.osc, made.pair, made.given["max_period"]
+    main, reference = (Outcome.of(osc, pair, one, max_period) for one in recordings)
+    return _dataset(osc, pair, main, made.stored).assign_attrs(
+        settings(osc, made.numerics, pair=pair)
+        | {key: value for key, value in made.given.items() if value is not None}
+        | findings(main, reference)
         | mean_rotation.attributes(osc, main.recording.means[1])
         | motion.impact_attributes(osc, pair, main.recording.events, main.number("mesh_force_peak"))
-        | motion.motion_attributes(osc, main.recording, main.period, max_period, numerics))
-
-
-class Motion(NamedTuple):
-    """How a run went and what it led to, in short.
-
-    Attributes
-    ----------
-    status : Status, None where there was no run
-    motion_class : str
-    impacts_per_cycle : float
-    deepest_separation : float, rad
-    """
-
-    status: Status | None
-    motion_class: str
-    impacts_per_cycle: float
-    deepest_separation: float
-
-
-def motion_of(osc: Oscillator, pair: GearPair, *, start: str, phase: float, settle_cycles: int,
-              record_cycles: int, max_period: int, numerics: Numerics) -> Motion:
-    """The motion of a response alone: one run, nothing kept. Arguments as of `response`."""
-    grid, _ = sample_phases(osc, 8)
-    start = checked_start(osc, start, phase)
-    recording = recorded(osc, (*engine_start(osc, start), phase),
-                         (settle_cycles + (phase > 0), record_cycles), grid, numerics)
-    outcome = _Outcome.of(osc, pair, recording, max_period)
-    return Motion(recording.status, outcome.motion_class, outcome.number("impacts_per_cycle"),
-                  outcome.number("deepest_separation"))
+        | motion.motion_attributes(osc, main.recording, main.period, max_period, made.numerics))
 
 
 def _check(phase: float, **whole: float) -> None:
@@ -233,111 +229,7 @@ def _check_others(osc: Oscillator, pair: GearPair, name: str, exponents: bool,
     taken.raise_if_any("response")
 
 
-@dataclass(frozen=True)
-class _Outcome:
-    """A recording, its statistics by cycle (dict of (record,) arrays), period and class."""
-
-    recording: Recording
-    by_cycle: dict[str, Any]
-    period: int
-    motion_class: str
-
-    @classmethod
-    def of(cls, osc: Oscillator, pair: GearPair, recording: Recording, max_period: int) -> _Outcome:
-        column = recording.cycles
-        by_cycle = _by_cycle(osc, pair, recording, column)
-        labels = columns(column, LABELS)
-        deepest = column["deepest_separation"].max()
-        period = find_period(column["phi"], column["phi_dot"], labels,
-                             max(abs(osc.force), deepest) or osc.backlash, max_period)
-        name = "failed" if recording.status != Status.OK else motion_class(
-            period, by_cycle[MEANS[0]], by_cycle[MEANS[1]],
-            bool(np.any(by_cycle["chatter_ends_per_cycle"] > 0)))
-        return cls(recording, by_cycle, period, name)
-
-    def number(self, key: str, half: int | None = None) -> float:
-        """One number of the summary, over all recorded cycles or their first or second half.
-
-        Averages are over as many whole periods as there are (the last ones); each half as well.
-        """
-        values = self.by_cycle[key]
-        window = len(values) if half is None else len(values) // 2
-        if self.period and window >= self.period:
-            window -= window % self.period
-        if window == 0:
-            return math.nan
-        end = len(values) - window * (half == 0)
-        if key in PEAKS:
-            return float(np.max(values[end - window if half is not None else 0:end]))
-        return float(np.mean(values[end - window:end]))
-
-    def error(self, key: str, change: float) -> float:
-        """What is known of a number's error: of one that repeats, or of an average (NaN: nothing).
-
-        `change` is the difference from the other run.
-        """
-        if not self.period:
-            return mean_interval(self.by_cycle[key]).half_width if key in MEANS else math.nan
-        size = self.number(key)
-        if key == "mesh_force_mean":
-            size = np.fmax(abs(size), self.number("mesh_force_peak"))
-        counted = key in MEANS[:5]
-        return SAFETY * change + abs(self.transient(key)) \
-            + (0.0 if counted else ROUNDING * abs(size))
-
-    def transient(self, key: str) -> float:
-        """The second half of the record less the first; NaN where it has no two."""
-        return self.number(key, 1) - self.number(key, 0)
-
-
-def _by_cycle(osc: Oscillator, pair: GearPair, recording: Recording,
-              column: NDArray[Any]) -> dict[str, NDArray[Any]]:
-    """Arrays (record,) of every number whose mean or maximum is summarised."""
-    newton = pair.mesh_stiffness * pair.pinion_base_lever
-    record = len(recording.cycles)
-    mean, peak = contact_forces(osc, recording)
-    force, energy = np.zeros(record), np.zeros(record)
-    impacts = impacts_of(recording.events)
-    cycle = impacts["cycle"].astype(int)
-    before, after = impacts["velocity_before"], impacts["velocity_after"]
-    np.add.at(force, cycle, newton * (before - after) / osc.period)
-    np.add.at(energy, cycle, 0.5 * pair.torsional_stiffness * (before**2 - after**2))
-    fastest = motion.fastest_arrivals(recording.events, record, pair.natural_frequency,
-                                      osc.contact_law)
-    if recording.status != Status.OK:
-        force, energy, fastest = force * np.nan, energy * np.nan, fastest * np.nan
-    law = arrivals_of(osc.contact_law)
-    counts = (law.drive, law.coast, law.every_drive, law.every_coast)
-    return {**dict(zip(MEANS[:4], (column[key] for key in counts), strict=True)),
-            "chatter_ends_per_cycle": column["chatter_ends"] + column["back_chatter_ends"],
-            "mesh_force_mean": newton * mean, "mesh_force_peak": newton * peak,
-            "impact_force_mean": force, "impact_energy_per_cycle": energy,
-            "deepest_separation": column["deepest_separation"],
-            "deepest_back_penetration": column["deepest_back_penetration"],
-            "states_visited": column["states_visited"], "impact_speed_max": fastest,
-            **motion.shares_of_time(recording.events, column["motion_state"], osc.period)}
-
-
-def _findings(main: _Outcome, reference: _Outcome) -> dict[str, Any]:
-    """The summary's numbers: each with the changes between runs and halves, and its error."""
-    status = main.recording.status
-    attrs: dict[str, Any] = {
-             "status": int(status), "status_meaning": status.name.lower(),
-             "status_reference": int(reference.recording.status), "period": main.period,
-             "motion_class": main.motion_class, "motion_class_reference": reference.motion_class,
-             "error_kind": "convergence" if main.period else "statistical"}
-    for key in (*MEANS, *PEAKS):
-        attrs[key] = main.number(key)
-        attrs[f"{key}_change"] = abs(main.number(key) - reference.number(key))
-        attrs[f"{key}_transient"] = main.transient(key)
-        attrs[f"{key}_error"] = main.error(key, attrs[f"{key}_change"])
-    visited = np.bitwise_or.reduce(main.by_cycle["states_visited"].astype(int)) \
-        if status == Status.OK else 0
-    return attrs | {"states_visited": int(visited),
-                    "fully_engaged": int(visited == 1 << MotionState.ENGAGEMENT)}
-
-
-def _dataset(osc: Oscillator, pair: GearPair, outcome: _Outcome,
+def _dataset(osc: Oscillator, pair: GearPair, outcome: Outcome,
              stored: NDArray[Any]) -> xr.Dataset:
     """Samples, events and cycles in physical units."""
     import xarray as xr
@@ -388,7 +280,7 @@ def _event_columns(pair: GearPair, recording: Recording, period: float,
             "impact_energy": np.where(impact, energy, np.nan)}
 
 
-def _cycle_columns(outcome: _Outcome) -> dict[str, NDArray[Any]]:
+def _cycle_columns(outcome: Outcome) -> dict[str, NDArray[Any]]:
     failed = outcome.recording.status != Status.OK
     columns = {}
     for key in list(CYCLE)[1:]:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from lapwing.base.codes import Status
 from lapwing.engine.records import SAMPLE
-from lapwing.studies.response.mesh_force import contact_forces, flank_motion, sample_phases
-from lapwing.studies.response.recording import recorded
+from lapwing.studies.response.mesh_force import flank_motion, sample_phases
+from lapwing.studies.response.recording import Pass
 
 if TYPE_CHECKING:
     from lapwing.engine.numerics import Numerics
@@ -67,11 +67,11 @@ def _of_point(osc: Oscillator, start: tuple[float, float, float, float], cycles:
               numerics: Numerics) -> NDArray[Any]:
     grid, stored = sample_phases(osc, SAMPLES)
     # With a section at another phase than 0, the cycle under way is left out.
-    recording = recorded(osc, start, (int(start[-1] > 0), cycles), grid, numerics)
+    recording = Pass(osc, start, (int(start[-1] > 0), cycles), grid, numerics).whole()
     if recording.status != Status.OK:
         return np.full(len(NAMES), np.nan)
     phi = recording.samples["phi"][:-1].reshape(cycles, -1)[:, stored]
     theta = phi + flank_motion(osc, grid[stored])[0]
-    mean, peak = contact_forces(osc, recording)
+    mean, peak = recording.forces
     return np.array([phi.std(), np.ptp(phi), theta.std(), np.ptp(theta),
                      newton * mean.mean(), newton * peak.max()])
