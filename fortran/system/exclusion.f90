@@ -2,7 +2,7 @@
 !> inside its flank, a flight over pieces of a table on which it certainly meets no flank.
 module lapwing_system_exclusion
   use lapwing_kinds, only: wp
-  use lapwing_codes, only: drive_flank, coast_flank
+  use lapwing_codes, only: separation, drive_flank, coast_flank
   use lapwing_flank, only: flank_t
   use lapwing_polynomial_evaluation, only: max_degree, horner, value_and_slope, jet, &
       never_below
@@ -10,7 +10,7 @@ module lapwing_system_exclusion
   use lapwing_system_frames, only: move_to
   implicit none
   private
-  public :: stays_inside, no_sooner, skip_ahead_in_flight, bound_depth_in_flight
+  public :: stays_inside, no_sooner, skip_ahead_on_arc, bound_depth_in_flight
 
   !> Bounds are lowered by far more than the rounding of a root or of a depth.
   real(wp), parameter :: caution = 1 - 2.0_wp**(-20), less = 1 - 2.0_wp**(-30)
@@ -25,7 +25,7 @@ contains
     integer, intent(in) :: touching              !! flank at zero distance at the beginning, or none
     type(motion_t), intent(in) :: motion         !! step as a polynomial
     real(wp) :: inward, least
-    inward = merge(1.0_wp, -1.0_wp, flank == drive_flank)
+    inward = inwards(flank)
     associate (c => motion%dense(:, 1))
       least = never_below([inward*c(2), inward*c(3) - 0.5_wp*motion%h**2*max(0.0_wp, push), &
           inward*c(4), inward*c(5), inward*c(6), 0.0_wp])
@@ -52,45 +52,54 @@ contains
     end if
   end function no_sooner
 
-  !> Up to the piece on which a flank might be met: from bound to bound, until one ends on the piece
-  !> where it began.
-  pure subroutine skip_ahead_in_flight(path, width, n_flanks, force, motion, frame, touching, clear)
+  !> Up to the piece on which a flank might be met, or left: from bound to bound, until one ends on
+  !> the piece where it began.
+  pure subroutine skip_ahead_on_arc(path, width, n_flanks, motion_state, force, motion, frame, &
+      touching, clear)
     class(flank_t), intent(in) :: path           !! motion of the flanks
     real(wp), intent(in) :: width                !! distance between them, rad
     integer, intent(in) :: n_flanks              !! 2, or 1 without a coast flank
-    real(wp), intent(in) :: force                !! acceleration of the flight
+    integer, intent(in) :: motion_state
+    real(wp), intent(in) :: force                !! acceleration of a flight
     type(motion_t), intent(in) :: motion         !! step as a polynomial
     type(frame_t), intent(inout) :: frame        !! frame, on the piece to be searched next
     integer, intent(inout) :: touching           !! flank at zero distance where it begins, or none
     logical, intent(out) :: clear                !! whether nothing is met up to the step's end
-    real(wp) :: s
+    real(wp) :: s, safe, pull(2)
+    if (motion_state == separation) then
+      pull = [force + path%push(coast_flank), path%push(drive_flank) - force]
+    else
+      pull(motion_state) = path%push(motion_state) - least_acceleration(motion_state, motion)
+    end if
     s = frame%piece_begin
     do
-      s = s + safe_time(path, width, n_flanks, force, frame, touching, motion, s)
+      if (motion_state == separation) then
+        safe = safe_flight(width, n_flanks, pull, frame, touching, motion, s)
+      else
+        safe = safe_contact(motion_state, pull(motion_state), frame, touching, motion, s)
+      end if
+      s = s + caution*safe
       clear = s >= motion%h
       if (.not. clear .and. s <= frame%piece_end) return
       call move_to(path, width, min(s, motion%h), frame)
       if (clear) return
       touching = 0
     end do
-  end subroutine skip_ahead_in_flight
+  end subroutine skip_ahead_on_arc
 
   !> Time for which a flight, at s of a step, can meet no flank: the distance begins with the value
   !> and slope it has there and bends towards the flank with the largest acceleration of all pieces.
-  pure real(wp) function safe_time(path, width, n_flanks, force, frame, touching, motion, s)
-    class(flank_t), intent(in) :: path           !! motion of the flanks
-    real(wp), intent(in) :: width                !! distance between them, rad
+  pure real(wp) function safe_flight(width, n_flanks, pull, frame, touching, motion, s)
+    real(wp), intent(in) :: width                !! distance between the flanks, rad
     integer, intent(in) :: n_flanks              !! 2, or 1 without a coast flank
-    real(wp), intent(in) :: force                !! acceleration of the flight
+    real(wp), intent(in) :: pull(2)              !! largest acceleration towards each
     type(frame_t), intent(in) :: frame           !! frame, on the piece that holds s
     integer, intent(in) :: touching              !! flank at zero distance there, or none
     type(motion_t), intent(in) :: motion         !! step as a polynomial
     real(wp), intent(in) :: s                    !! time since the frame was opened
-    real(wp) :: position, slope, above, below, approach
-    call value_and_slope(frame%flank(:, frame%chart), s - frame%piece_begin, position, slope)
+    real(wp) :: above, below, rate
     ! Distances to the coast flank, and to the drive flank.
-    below = horner(motion%dense(:, 1), s/motion%h) - position
-    approach = horner(motion%dense(:, 2), s/motion%h) - slope
+    call beyond_flank(frame, motion, s, below, rate)
     if (frame%chart == drive_flank) then
       above = -below
       below = below + width
@@ -99,13 +108,51 @@ contains
     end if
     if (touching == drive_flank) above = 0
     if (touching == coast_flank) below = 0
-    safe_time = no_sooner(above, approach, force + path%push(coast_flank))
-    if (n_flanks == 2) then
-      safe_time = min(safe_time, no_sooner(below, -approach, &
-          path%push(drive_flank) - force))
-    end if
-    safe_time = caution*safe_time
-  end function safe_time
+    safe_flight = no_sooner(above, rate, pull(drive_flank))
+    if (n_flanks == 2) safe_flight = min(safe_flight, no_sooner(below, -rate, pull(coast_flank)))
+  end function safe_flight
+
+  !> Time for which a contact, at s of a step, can not end: the same of the depth in the flank.
+  pure real(wp) function safe_contact(flank, pull, frame, touching, motion, s)
+    integer, intent(in) :: flank                 !! flank in contact, the frame's chart
+    real(wp), intent(in) :: pull                 !! largest acceleration out of it
+    type(frame_t), intent(in) :: frame           !! frame, on the piece that holds s
+    integer, intent(in) :: touching              !! flank at zero distance there, or none
+    type(motion_t), intent(in) :: motion         !! step as a polynomial
+    real(wp), intent(in) :: s                    !! time since the frame was opened
+    real(wp) :: depth, rate
+    call beyond_flank(frame, motion, s, depth, rate)
+    if (touching == flank) depth = 0
+    safe_contact = no_sooner(inwards(flank)*depth, -inwards(flank)*rate, pull)
+  end function safe_contact
+
+  !> Position relative to the flank of a frame's chart, at s of a step, and its rate.
+  pure subroutine beyond_flank(frame, motion, s, distance, rate)
+    type(frame_t), intent(in) :: frame           !! frame, on the piece that holds s
+    type(motion_t), intent(in) :: motion         !! step as a polynomial
+    real(wp), intent(in) :: s                    !! time since the frame was opened
+    real(wp), intent(out) :: distance, rate
+    real(wp) :: position, slope
+    call value_and_slope(frame%flank(:, frame%chart), s - frame%piece_begin, position, slope)
+    distance = horner(motion%dense(:, 1), s/motion%h) - position
+    rate = horner(motion%dense(:, 2), s/motion%h) - slope
+  end subroutine beyond_flank
+
+  !> Sign of a motion into a flank.
+  pure real(wp) function inwards(flank)
+    integer, intent(in) :: flank
+    inwards = merge(1.0_wp, -1.0_wp, flank == drive_flank)
+  end function inwards
+
+  !> Lower bound, over a step, of the acceleration into a flank.
+  pure real(wp) function least_acceleration(flank, motion)
+    integer, intent(in) :: flank
+    type(motion_t), intent(in) :: motion         !! step as a polynomial
+    associate (c => inwards(flank)*motion%dense(:, 1))
+      least_acceleration = never_below([2*c(3), 6*c(4), 12*c(5), 20*c(6), 0.0_wp, 0.0_wp]) &
+          /motion%h**2
+    end associate
+  end function least_acceleration
 
   !> What spares a search for the largest distance from the drive flank: at the beginning of a
   !> flight a distance that it certainly exceeds, later how long it certainly stays below one.

@@ -14,13 +14,13 @@ module lapwing_system_oscillator
   use lapwing_flank_series, only: series_flank_t, make_series_flank, harmonic_series_t, &
       harmonic_series
   use lapwing_flank_table, only: te_table_t, make_table
-  use lapwing_system_exclusion, only: stays_inside, skip_ahead_in_flight, bound_depth_in_flight
+  use lapwing_system_exclusion, only: stays_inside, skip_ahead_on_arc, bound_depth_in_flight
   use lapwing_system_frames, only: open_unseen, open_with_flanks, carry_over, distance_in_frame
   use lapwing_system_parameters, only: parameters_t, natural_angle, felt_jump
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, taylor_shift
   use lapwing_system_spring_stages, only: drive, drive_over_step, spring_stages, flight_stages, keep
   use lapwing_system, only: system_t, instant_t, frame_t, motion_t, max_states
-  use lapwing_system_step, only: step_t, kept_t
+  use lapwing_system_step, only: step_t, lengths_t
   implicit none
   private
   public :: oscillator_t, make_oscillator
@@ -205,18 +205,19 @@ contains
     if (stays) y(1:2) = z_end(1:2) - motion%landing
   end subroutine stay
 
-  !> In flight, up to the piece on which a flank might be met. Left to the search of every piece: a
+  !> Up to the piece on which a flank might be met or left. Left to the search of every piece: a
   !> coast flank that does not move with the drive flank.
-  pure subroutine skip_ahead(self, motion, frame, touching, clear)
+  pure subroutine skip_ahead(self, motion_state, motion, frame, touching, clear)
     class(oscillator_t), intent(in) :: self
+    integer, intent(in) :: motion_state
     type(motion_t), intent(in) :: motion         !! step as a polynomial
     type(frame_t), intent(inout) :: frame        !! frame, on the piece to be searched next
     integer, intent(inout) :: touching           !! flank at zero distance where it begins, or none
     logical, intent(out) :: clear                !! whether nothing is met up to the step's end
     clear = .false.
     if (allocated(self%fixed)) return
-    call skip_ahead_in_flight(self%path, self%width, self%n_flanks, self%force, motion, frame, &
-        touching, clear)
+    call skip_ahead_on_arc(self%path, self%width, self%n_flanks, motion_state, self%force, motion, &
+        frame, touching, clear)
   end subroutine skip_ahead
 
   !> The same for the largest distance from the drive flank.
@@ -249,24 +250,28 @@ contains
   end subroutine derivatives
 
   !> The stages of a step for a parabola and a damped spring.
-  subroutine stages(self, frame, motion_state, h, z, kept, step, done)
+  subroutine stages(self, frame, motion_state, h, z, lengths, step, done)
     class(oscillator_t), intent(in) :: self
     type(frame_t), intent(in) :: frame             !! frame as opened
     integer, intent(in) :: motion_state
     real(wp), intent(in) :: h                      !! step
     real(wp), intent(in) :: z(max_states)          !! local coordinates at s = 0
-    type(kept_t), intent(inout) :: kept            !! what steps of one length share
+    type(lengths_t), intent(inout) :: lengths      !! what steps of one length share
     type(step_t), intent(inout) :: step            !! the result
     logical, intent(out) :: done                   !! always
     real(wp) :: driven(4)
+    logical :: is_new
     done = .true.
     if (motion_state == separation) then
       call flight_stages(self%force, h, z, step)
     else
-      if (kept%h /= h) call keep(self%damping, self%series, h, kept)
-      call drive_over_step(self%path, self%series, self%damping, moves(self, frame%chart), frame, &
-          kept, driven, step%landing)
-      call spring_stages(self%damping, self%force, driven, kept, z(1:2), step)
+      call lengths%look_up(h, is_new)
+      associate (kept => lengths%kept(lengths%at))
+        if (is_new) call keep(self%damping, self%series, h, kept)
+        call drive_over_step(self%path, self%series, self%damping, moves(self, frame%chart), &
+            frame, kept, driven, step%landing)
+        call spring_stages(self%damping, self%force, driven, kept, z(1:2), step)
+      end associate
     end if
   end subroutine stages
 

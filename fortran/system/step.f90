@@ -5,7 +5,7 @@ module lapwing_system_step
   use lapwing_flank_series, only: max_terms
   implicit none
   private
-  public :: step_t, kept_t, max_states, richardson, sixth, change
+  public :: step_t, kept_t, lengths_t, max_states, richardson, sixth, change
 
   integer, parameter :: max_states = 8            !! largest number of state variables
 
@@ -26,8 +26,8 @@ module lapwing_system_step
                                           !! the frame, of a system that knows when it stays
   end type step_t
 
-  !> What the stages of a damped spring need of the length of a step, and of nothing else: steps of
-  !> one length follow each other. Only the length is set beforehand.
+  !> What the stages of a damped spring need of the length of a step, and of nothing else: the same
+  !> few lengths come again and again. Only the length is set beforehand.
   type :: kept_t
     real(wp) :: h = -1                    !! the length; negative: nothing is known
     !> Middle, end and correction, position and velocity each, for unit position and velocity at
@@ -38,7 +38,35 @@ module lapwing_system_step
     real(wp) :: from_cosine(6, max_terms), from_sine(6, max_terms)
   end type kept_t
 
+  !> The lengths of late.
+  type :: lengths_t
+    type(kept_t) :: kept(8)               !! what is known of each
+    integer :: at = 1                     !! which of them the step at hand has
+    integer :: oldest = 1                 !! which of them to forget next
+  contains
+    procedure :: look_up
+  end type lengths_t
+
 contains
+
+  !> Turn to a length; whether it is a new one, of which nothing is known.
+  pure subroutine look_up(self, h, is_new)
+    class(lengths_t), intent(inout) :: self
+    real(wp), intent(in) :: h             !! the length
+    logical, intent(out) :: is_new
+    integer :: i
+    is_new = .false.
+    if (self%kept(self%at)%h == h) return
+    do i = 1, size(self%kept)
+      if (self%kept(i)%h == h) then
+        self%at = i
+        return
+      end if
+    end do
+    is_new = .true.
+    self%at = self%oldest
+    self%oldest = 1 + modulo(self%oldest, size(self%kept))
+  end subroutine look_up
 
   !> Change over a step by the four classical rates, about the first: where the rate is constant it
   !> is exact, and no rounding of weights adds up over many steps. The last rate enters last, in one

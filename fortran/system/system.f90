@@ -10,7 +10,7 @@ module lapwing_system
   use lapwing_codes, only: drive_flank
   use lapwing_contact_law, only: contact_law_t
   use lapwing_polynomial_evaluation, only: max_degree
-  use lapwing_system_step, only: step_t, kept_t, max_states
+  use lapwing_system_step, only: step_t, lengths_t, max_states
   implicit none
   private
   public :: max_states, dense_degree
@@ -48,7 +48,7 @@ module lapwing_system
     real(wp) :: h = 0                                       !! step
     real(wp) :: dense(0:dense_degree, max_states) = 0       !! dense output
     real(wp) :: landing(2) = 0                              !! see `step_t`
-    type(kept_t) :: kept                                    !! what the next step may use
+    type(lengths_t) :: lengths                              !! what the next step may use
   end type motion_t
 
   type, abstract :: system_t
@@ -214,13 +214,13 @@ contains
 
   !> The stages of a step in contact or in flight, written out for the system's own equations. The
   !> default leaves them to the formula.
-  subroutine left_to_formula(self, frame, motion_state, h, z, kept, step, done)
+  subroutine left_to_formula(self, frame, motion_state, h, z, lengths, step, done)
     class(system_t), intent(in) :: self
     type(frame_t), intent(in) :: frame             !! frame as opened
     integer, intent(in) :: motion_state
     real(wp), intent(in) :: h                      !! step
     real(wp), intent(in) :: z(max_states)          !! local coordinates at s = 0
-    type(kept_t), intent(inout) :: kept            !! what steps of one length share
+    type(lengths_t), intent(inout) :: lengths      !! what steps of one length share
     type(step_t), intent(inout) :: step            !! the result
     logical, intent(out) :: done                   !! whether there is one
     done = .false.
@@ -246,10 +246,11 @@ contains
     stays = .false.
   end subroutine stay
 
-  !> Go on in a flight, from the beginning of the frame's piece, over pieces on which it certainly
-  !> meets no flank. The default claims nothing: every piece is searched.
-  pure subroutine skip_ahead(self, motion, frame, touching, clear)
+  !> Go on, from the beginning of the frame's piece, over pieces on which a flight certainly meets
+  !> no flank and a contact leaves none. The default claims nothing: every piece is searched.
+  pure subroutine skip_ahead(self, motion_state, motion, frame, touching, clear)
     class(system_t), intent(in) :: self
+    integer, intent(in) :: motion_state
     type(motion_t), intent(in) :: motion         !! step as a polynomial
     type(frame_t), intent(inout) :: frame        !! frame, on the piece to be searched next
     integer, intent(inout) :: touching           !! flank at zero distance where it begins, or none

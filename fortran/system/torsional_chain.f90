@@ -21,7 +21,7 @@ module lapwing_system_torsional_chain
   use lapwing_system_parameters, only: parameters_t
   use lapwing_system_spring_stages, only: flight_stages
   use lapwing_system, only: instant_t, frame_t, motion_t, max_states
-  use lapwing_system_step, only: step_t, kept_t
+  use lapwing_system_step, only: step_t, lengths_t
   implicit none
   private
   public :: torsional_chain_t, make_torsional_chain
@@ -69,17 +69,17 @@ contains
   end subroutine derivatives
 
   !> The stages of both, written out: the formula is exact for the mean motion.
-  subroutine stages(self, frame, motion_state, h, z, kept, step, done)
+  subroutine stages(self, frame, motion_state, h, z, lengths, step, done)
     class(torsional_chain_t), intent(in) :: self
     type(frame_t), intent(in) :: frame             !! frame as opened
     integer, intent(in) :: motion_state
     real(wp), intent(in) :: h                      !! step
     real(wp), intent(in) :: z(max_states)          !! local coordinates at s = 0
-    type(kept_t), intent(inout) :: kept            !! what steps of one length share
+    type(lengths_t), intent(inout) :: lengths      !! what steps of one length share
     type(step_t), intent(inout) :: step            !! the result
     logical, intent(out) :: done                   !! always
     type(step_t) :: mean
-    call self%oscillator_t%stages(frame, motion_state, h, z, kept, step, done)
+    call self%oscillator_t%stages(frame, motion_state, h, z, lengths, step, done)
     call flight_stages(self%mean_acceleration, h, z(3:4), mean)
     step%middle(3:4) = mean%middle(:2)
     step%end(3:4) = mean%end(:2)

@@ -74,7 +74,7 @@ module test_systems
     procedure :: derivatives => dispatched_rate
   end type dispatched_t
 
-  !> The gear, its flights searched on every piece of the table.
+  !> The gear, its arcs searched on every piece of the table.
   type, extends(oscillator_t) :: thorough_t
   contains
     procedure :: skip_ahead => skip_nothing
@@ -125,8 +125,9 @@ contains
     clear = .false.
   end function never
 
-  pure subroutine skip_nothing(self, motion, frame, touching, clear)
+  pure subroutine skip_nothing(self, motion_state, motion, frame, touching, clear)
     class(thorough_t), intent(in) :: self
+    integer, intent(in) :: motion_state
     type(motion_t), intent(in) :: motion
     type(frame_t), intent(inout) :: frame
     integer, intent(inout) :: touching

@@ -5,7 +5,7 @@ module bodies_with_accounts
   use lapwing_codes, only: separation, drive_flank
   use lapwing_system_frames, only: flank_in_frame
   use lapwing_system_parameters, only: parameters_t
-  use lapwing_system_step, only: step_t, kept_t
+  use lapwing_system_step, only: step_t, lengths_t
   use lapwing_system_torsional_chain, only: torsional_chain_t, make_torsional_chain
   use lapwing_system, only: instant_t, frame_t, motion_t, max_states
   implicit none
@@ -107,13 +107,13 @@ contains
   end subroutine derivatives
 
   !> Left to the formula, which integrates the accounts too.
-  subroutine stages(self, frame, motion_state, h, z, kept, step, done)
+  subroutine stages(self, frame, motion_state, h, z, lengths, step, done)
     class(accounts_t), intent(in) :: self
     type(frame_t), intent(in) :: frame
     integer, intent(in) :: motion_state
     real(wp), intent(in) :: h
     real(wp), intent(in) :: z(max_states)
-    type(kept_t), intent(inout) :: kept
+    type(lengths_t), intent(inout) :: lengths
     type(step_t), intent(inout) :: step
     logical, intent(out) :: done
     done = .false.

@@ -50,10 +50,8 @@ contains
     crossing%frame = frame
     touching_here = touching
     do
-      if (motion_state == separation) then
-        call system%skip_ahead(motion, crossing%frame, touching_here, clear)
-        if (clear) return
-      end if
+      call system%skip_ahead(motion_state, motion, crossing%frame, touching_here, clear)
+      if (clear) return
       call search_piece(system, motion_state, touching_here, motion, work, crossing)
       if (crossing%found .or. crossing%frame%piece_end >= motion%h) return
       call system%next_piece(crossing%frame)

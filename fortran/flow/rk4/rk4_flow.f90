@@ -8,12 +8,12 @@ module lapwing_flow_rk4_rk4_flow
   use lapwing_flow, only: flow_t, arc_t, reached_t, work_t, step_memory_t, listener_t, instant_on, &
       at_stop
   use lapwing_flow_rk4_crossing, only: crossing_t, find_crossing, polish_crossing
-  use lapwing_flow_rk4_step, only: rk4_step, ratio_in_contact
-  use lapwing_flow_rk4_step_control, only: step_to_try, error_ratio, after_accepted, &
-      after_rejected
+  use lapwing_flow_rk4_step, only: take_stages, estimate_error, set_dense, ratio_beyond_rounding
+  use lapwing_flow_rk4_step_control, only: step_to_try, allowed_error, error_ratio, &
+      after_accepted, after_rejected
   use lapwing_polynomial_evaluation, only: max_degree, horner, upper_bound
   use lapwing_polynomial_roots, only: critical_points, raise_to_largest
-  use lapwing_system, only: system_t, instant_t, frame_t, max_states
+  use lapwing_system, only: system_t, instant_t, frame_t, step_t, max_states
   implicit none
   private
   public :: rk4_flow_t
@@ -46,31 +46,42 @@ contains
     type(reached_t), intent(inout) :: reached     !! its end
     type(work_t), intent(inout) :: work           !! counts
     integer, intent(out) :: status                !! status_*
-    real(wp) :: z_end(max_states), scale(max_states)
-    logical :: stays
+    type(step_t) :: step
+    real(wp) :: scale(max_states), allowed(max_states), h
+    integer :: n, i
+    logical :: in_contact, stays
+    n = system%n_states
     call system%scales(arc%begin%motion_state, scale)
+    allowed(:n) = allowed_error(scale(:n), tolerance)
+    in_contact = arc%begin%motion_state /= separation
+    stays = .false.
     reached%flank = no_flank
     reached%chart = arc%begin%chart
     reached%piece = arc%begin%piece
     do
-      call accept_step(system, tolerance, scale, arc, memory(arc%begin%motion_state), z_end, work, &
-          status)
+      call accept_step(system, tolerance, allowed, arc, memory(arc%begin%motion_state), h, step, &
+          work, status)
       if (status /= status_ok) return
-      reached%s = arc%motion%h
-      stays = .false.
-      if (arc%begin%motion_state /= separation) then
-        call system%stay(arc%frame, arc%begin, arc%motion, z_end, reached%y, stays)
-      end if
+      reached%s = h
+      if (.not. in_contact) exit
+      ! Whether the tooth stays inside is told by its position alone.
+      call set_dense(step, h, arc%begin%y, 1, 1, arc%motion)
+      call system%stay(arc%frame, arc%begin, arc%motion, step%end, reached%y, stays)
       if (.not. stays) exit
-      if (arc%skipped >= arc%may_skip .or. reached%s >= arc%frame%stop) return
-      if (.not. abs(sum(reached%y(:system%n_states))) <= huge(1.0_wp)) return
+      if (arc%skipped >= arc%may_skip .or. h >= arc%frame%stop) exit
+      if (.not. abs(sum(reached%y(:n))) <= huge(1.0_wp)) exit
       arc%skipped = arc%skipped + 1
-      arc%begin%t = arc%begin%t + reached%s
+      arc%begin%t = arc%begin%t + h
       arc%begin%touching = no_flank
-      arc%begin%y(:system%n_states) = reached%y(:system%n_states)
+      !GCC$ novector
+      do i = 1, n
+        arc%begin%y(i) = reached%y(i)
+      end do
       call self%open(system, arc%begin, arc%frame)
     end do
-    call cut_at_crossing(system, arc, z_end, reached, work)
+    call set_dense(step, h, arc%begin%y, merge(2, 1, in_contact), n, arc%motion)
+    if (stays) return
+    call cut_at_crossing(system, arc, step%end, reached, work)
   end subroutine advance
 
   !> End an arc at the first crossing in its step, if there is one.
@@ -110,16 +121,17 @@ contains
   end subroutine cut_at_crossing
 
   !> Try steps until the error estimate is within the tolerance.
-  subroutine accept_step(system, tolerance, scale, arc, memory, z_end, work, status)
+  subroutine accept_step(system, tolerance, allowed, arc, memory, h, step, work, status)
     class(system_t), intent(in) :: system           !! what moves
     real(wp), intent(in) :: tolerance               !! relative
-    real(wp), intent(in) :: scale(max_states)       !! natural sizes of the coordinates
-    type(arc_t), intent(inout) :: arc               !! its motion is set
+    real(wp), intent(in) :: allowed(max_states)     !! error that a step may make
+    type(arc_t), intent(inout) :: arc               !! where the step begins
     type(step_memory_t), intent(inout) :: memory    !! of its motion state
-    real(wp), intent(out) :: z_end(max_states)      !! local coordinates at the end
+    real(wp), intent(out) :: h                      !! its length
+    type(step_t), intent(inout) :: step             !! its stages
     type(work_t), intent(inout) :: work             !! counts
     integer, intent(out) :: status                  !! status_*
-    real(wp) :: error(max_states), ratio, h
+    real(wp) :: error(max_states), ratio
     logical :: cut_short, in_contact
     integer :: n
     n = system%n_states
@@ -130,22 +142,17 @@ contains
     h = min(h, arc%frame%stop)
     associate (z => arc%begin%y)
       do
-        call rk4_step(system, arc%frame, arc%begin%motion_state, h, z, arc%motion, z_end, error)
-        if (in_contact) then
-          ratio = ratio_in_contact(h, z(1:n), error(1:n), scale(1:n), tolerance)
-        else
-          ratio = error_ratio(error(1:n), scale(1:n), tolerance)
-        end if
+        call take_stages(system, arc%frame, arc%begin%motion_state, h, z, arc%motion%lengths, step)
+        call estimate_error(step, h, z(:n), error(:n))
+        ratio = error_ratio(error(:n), allowed(:n))
+        if (ratio <= 1) exit
+        if (in_contact) ratio = ratio_beyond_rounding(h, z(:n), error(:n), allowed(:n))
         if (ratio <= 1) exit
         work%rejected = work%rejected + 1
         cut_short = .false.
-        if (.not. ratio <= huge(ratio)) then
-          h = 0.1_wp*h
-        else
-          h = after_rejected(h, ratio)
-        end if
+        h = after_rejected(h, ratio)
         if (h <= spacing(system%period)) then
-          status = merge(status_step_too_small, status_not_finite, abs(sum(z(1:n))) <= huge(h))
+          status = merge(status_step_too_small, status_not_finite, abs(sum(z(:n))) <= huge(h))
           return
         end if
       end do

@@ -13,10 +13,10 @@ module lapwing_flow_rk4_step
   use lapwing_kinds, only: wp
   use lapwing_flow_rk4_step_control, only: error_ratio
   use lapwing_system, only: system_t, frame_t, motion_t
-  use lapwing_system_step, only: step_t, kept_t, max_states, change, richardson
+  use lapwing_system_step, only: step_t, lengths_t, max_states, change, richardson
   implicit none
   private
-  public :: ratio_in_contact, rk4_step, rk4_move, read_step
+  public :: rk4_step, take_stages, estimate_error, set_dense, ratio_beyond_rounding, rk4_move
 
   !> An estimate below the rounding of its own sum says nothing: in a flight, where the formula is
   !> exact, it would otherwise shorten the steps.
@@ -81,51 +81,71 @@ contains
     real(wp), intent(out) :: z_end(max_states)    !! local coordinates at s = h
     real(wp), intent(out) :: error(max_states)    !! estimated error of each coordinate
     type(step_t) :: step
-    integer :: i
-    logical :: done
-    call system%stages(frame, motion_state, h, z, motion%kept, step, done)
-    if (.not. done) call doubled_step(system, frame, motion_state, h, z, .true., step)
-    motion%h = h
-    motion%landing = step%landing
-    do i = 1, system%n_states
-      call read_step(step, h, z(i), i, motion%dense(:, i), error(i))
-      z_end(i) = step%end(i)
-    end do
+    call take_stages(system, frame, motion_state, h, z, motion%lengths, step)
+    call estimate_error(step, h, z(:system%n_states), error(:system%n_states))
+    call set_dense(step, h, z, 1, system%n_states, motion)
+    z_end(:system%n_states) = step%end(:system%n_states)
   end subroutine rk4_step
 
-  !> Dense output of one coordinate, and the estimate of its error.
-  pure subroutine read_step(step, h, begin, i, dense, error)
+  !> The stages of a step, by the system or by the formula.
+  subroutine take_stages(system, frame, motion_state, h, z, lengths, step)
+    class(system_t), intent(in) :: system         !! what moves
+    type(frame_t), intent(in) :: frame            !! frame as opened
+    integer, intent(in) :: motion_state
+    real(wp), intent(in) :: h                     !! step
+    real(wp), intent(in) :: z(max_states)         !! local coordinates at s = 0
+    type(lengths_t), intent(inout) :: lengths     !! lengths of late
+    type(step_t), intent(inout) :: step           !! the result
+    logical :: done
+    call system%stages(frame, motion_state, h, z, lengths, step, done)
+    if (.not. done) call doubled_step(system, frame, motion_state, h, z, .true., step)
+  end subroutine take_stages
+
+  !> Estimated error of each coordinate.
+  pure subroutine estimate_error(step, h, begin, error)
     type(step_t), intent(in) :: step              !! the stages' results
     real(wp), intent(in) :: h                     !! step
-    real(wp), intent(in) :: begin                 !! coordinate at s = 0
-    integer, intent(in) :: i                      !! which
-    real(wp), intent(out) :: dense(0:5)           !! as a polynomial
-    real(wp), intent(out) :: error                !! its estimated error
-    real(wp) :: slope, slope_end
-    slope = h*step%rate_begin(i)
-    slope_end = h*step%rate_end(i)
-    call interpolate(begin, step%middle(i), step%end(i), slope, h*step%rate_middle(i), slope_end, &
-        dense)
-    error = abs(step%correction(i))
-    if (error <= rounding*(abs(slope) + abs(slope_end)) + epsilon(error)*abs(begin)) error = 0
-  end subroutine read_step
+    real(wp), intent(in) :: begin(:)              !! coordinates at s = 0
+    real(wp), intent(out) :: error(:)             !! their estimated errors
+    integer :: i
+    ! Two coordinates: vectors of a length told at run time cost more than they save.
+    !GCC$ novector
+    do i = 1, size(begin)
+      error(i) = abs(step%correction(i))
+      if (error(i) <= rounding*h*(abs(step%rate_begin(i)) + abs(step%rate_end(i))) &
+          + epsilon(error)*abs(begin(i))) error(i) = 0
+    end do
+  end subroutine estimate_error
 
-  !> Largest estimated error of a step in contact in units of the tolerance. Where that would refuse
-  !> the step, what is rounding of the rates is left out: of terms of the coordinates' size that
+  !> Dense output of some coordinates.
+  pure subroutine set_dense(step, h, begin, first, last, motion)
+    type(step_t), intent(in) :: step              !! the stages' results
+    real(wp), intent(in) :: h                     !! step
+    real(wp), intent(in) :: begin(max_states)     !! coordinates at s = 0
+    integer, intent(in) :: first, last            !! which
+    type(motion_t), intent(inout) :: motion       !! the step as a polynomial
+    integer :: i
+    motion%h = h
+    motion%landing = step%landing
+    do i = first, last
+      call interpolate(begin(i), step%middle(i), step%end(i), h*step%rate_begin(i), &
+          h*step%rate_middle(i), h*step%rate_end(i), motion%dense(:, i))
+    end do
+  end subroutine set_dense
+
+  !> Largest estimated error of a step in contact in units of the tolerance, where that would refuse
+  !> the step: without what is rounding of the rates, of terms of the coordinates' size that
   !> cancel, as in a tooth that creeps to rest. In contact time has the spring's unit, and position
   !> and velocity share another; a coordinate counts against its own scale.
-  pure real(wp) function ratio_in_contact(h, z, error, scale, tolerance) result(ratio)
+  pure real(wp) function ratio_beyond_rounding(h, z, error, allowed) result(ratio)
     real(wp), intent(in) :: h                     !! step
     real(wp), intent(in) :: z(:)                  !! coordinates at its beginning
     real(wp), intent(in) :: error(:)              !! estimated error of each
-    real(wp), intent(in) :: scale(:)              !! natural size of each
-    real(wp), intent(in) :: tolerance             !! relative tolerance of the run
+    real(wp), intent(in) :: allowed(:)            !! error that each may have
     real(wp) :: size
-    ratio = error_ratio(error, scale, tolerance)
-    if (.not. ratio > 1) return
-    size = maxval(abs(z)*(scale(1)/scale))
-    ratio = error_ratio(merge(0.0_wp, error, error <= rounding*h*size), scale, tolerance)
-  end function ratio_in_contact
+    size = maxval(abs(z)*(allowed(1)/allowed))
+    ratio = error_ratio(merge(0.0_wp, error, error <= rounding*h*size), allowed)
+  end function ratio_beyond_rounding
 
   !> Where a step of length h ends, and nothing else.
   subroutine rk4_move(system, frame, motion_state, h, z, z_end)
@@ -136,9 +156,9 @@ contains
     real(wp), intent(in) :: z(max_states)         !! local coordinates at s = 0
     real(wp), intent(out) :: z_end(max_states)    !! local coordinates at s = h
     type(step_t) :: step
-    type(kept_t) :: kept
+    type(lengths_t) :: lengths
     logical :: done
-    call system%stages(frame, motion_state, h, z, kept, step, done)
+    call system%stages(frame, motion_state, h, z, lengths, step, done)
     if (.not. done) call doubled_step(system, frame, motion_state, h, z, .false., step)
     z_end = step%end
   end subroutine rk4_move
