@@ -6,8 +6,10 @@ import pytest
 import lapwing
 from helpers import PAIR, SHIPPED, scene_a
 from lapwing.base.codes import FoundFrom, FoundMotion, SpecialPoint
+from lapwing.studies.branch import rattling
 from lapwing.studies.branch.collection import Collection
 from lapwing.studies.branch.run import branch
+from lapwing.studies.branch.seeds import Search
 
 SCENE_A = {"pinion_speed_rpm": 240, "impact_law": "absolute"}
 
@@ -100,6 +102,27 @@ def test_the_table_is_stored_and_drawn(upper, tmp_path):
     assert arrivals.get_xlabel() == "braking torque (N·m)"
     table = upper.lapwing.table("special")
     assert "rebound" in set(table["special_kind"])
+
+
+@pytest.mark.parametrize("crisis", [12.40410915, 12.399999])
+def test_the_end_of_chaos_is_bracketed(crisis):
+    """Transients whose mean life goes with the distance to the power -1.5, as those of scene A."""
+    class Crowd(rattling._Crowd):
+        def _begun(self, value):
+            return [(0, float(number), 0.0) for number in range(rattling.CROWD)]
+
+        def _left(self, value, states, cycles):
+            # Each is a member of its own, of which so many cycles have gone by.
+            left = [(0, number, age + cycles) for _, number, age in states]
+            if value <= crisis:
+                return left
+            mean = 1e-6 * (value - crisis)**-1.5
+            return [one for one in left if one[2] < mean * -np.log(1 - (one[1] + 0.5) / 8)]
+
+    search = Search(PAIR, SHIPPED, "brake_torque", np.array([11.8, 12.5]), {})
+    end = Crowd(search, (0, 0.0, 0.0)).bracket(12.398, 12.4055)
+    assert abs(end.value - crisis) <= end.error < 1e-7
+    assert end.kind is SpecialPoint.APERIODIC
 
 
 def test_a_range_without_rattling_is_said_so():

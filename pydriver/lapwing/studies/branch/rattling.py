@@ -23,8 +23,11 @@ if TYPE_CHECKING:
 
 # Motions that are followed beside each other to see whether rattling survives at a value, for so
 # many mesh cycles; they begin with states so far apart, parts of their size, which chaos magnifies.
-CROWD, FOLLOWED, LONGER, APART = 8, 4000, 8, 1e-6
-# Brackets are as narrow as this, parts of the range.
+CROWD, FOLLOWED, APART = 8, 4000, 1e-6
+# Mesh cycles, in parts, for which none of them dies at the value below a bracket, and within which
+# all of them do above.
+LONGER = tuple(FOLLOWED * part for part in (1, 1, 2, 4, 8, 16))
+# Either end of a bracket is found to this, parts of the range.
 BRACKET = 5e-9
 # Values looked at on the way to the next interval.
 LOOKED_AT = 16
@@ -52,11 +55,11 @@ class Rattling:
 def rattling(search: Search, found: Found, ranges: list[StableRange], kept: float) -> Rattling:
     """Intervals of rattling above a value, and where rattling dies that is raised slowly.
 
-    1. The stable ranges of the branches, those that overlap as one.
-    2. Motions found that rattle and lie on no branch, without a period or beyond the end of a
-       branch, are carried towards the next interval, and where they no longer rattle is bracketed.
-    3. The motion that was carried upwards to the value is raised: along its branch to the end of
+    1. The motion that was carried upwards to the value is raised: along its branch to the end of
        the stable range, beyond it with what it becomes there, without a period by small steps.
+    2. The way of that motion and the stable ranges of the branches, those that overlap as one.
+    3. Motions found that rattle and lie on no branch, without a period or beyond the end of a
+       branch, are carried towards the next interval, and where they no longer rattle is bracketed.
 
     Parameters
     ----------
@@ -65,8 +68,8 @@ def rattling(search: Search, found: Found, ranges: list[StableRange], kept: floa
     ranges : of `stable_ranges`
     kept : float, the value from which on contact can be kept
     """
-    return Rattling(_Intervals(search, found, ranges, kept).merged(),
-                    _raised(search, found, ranges, kept))
+    dies = _raised(search, found, ranges, kept)
+    return Rattling(_Intervals(search, found, ranges, kept, dies).merged(), dies)
 
 
 class _Crowd:
@@ -77,32 +80,53 @@ class _Crowd:
 
     def survives(self, value: float, cycles: int = FOLLOWED) -> bool:
         """Whether one of them still rattles after so many mesh cycles; if so they go on from it."""
+        return bool(self._left(value, self._begun(value), cycles))
+
+    def _begun(self, value: float) -> list[tuple[float, float, float]]:
+        """States of all of them."""
         osc = self.search.oscillator(value)
         motion, phi, phi_dot = self.state
         # A tooth that rests on a rigid flank has no state of its own.
         rests = osc.contact_law == "rigid" and motion != MotionState.SEPARATION
         size = 0.0 if rests else APART * osc.angle_scale * osc.mesh_frequency_ratio
         # A motion that repeats is one; of others each has its own chance.
-        count = 1 if self.period else CROWD
-        starts = [fitted(osc, (motion, phi, phi_dot + size * k, 0.0)) for k in range(count)]
+        return [(motion, phi, phi_dot + size * k) for k in range(1 if self.period else CROWD)]
+
+    def _left(self, value: float, states: list[tuple[float, float, float]],
+              cycles: int) -> list[tuple[float, float, float]]:
+        """States of those that still rattle after so many mesh cycles; the first one is kept."""
+        osc, count = self.search.oscillator(value), len(states)
         run = engine.sweep(
-            [osc] * count, [(k, k, False) for k in range(count)], starts,
+            [osc] * count, [(k, k, False) for k in range(count)],
+            [fitted(osc, (*state, 0.0)) for state in states],
             numerics=self.search.numerics, wanted=Wanted(cycles=True, strobe=True),
             settle=cycles, record=2 * MAX_PERIOD, log_room=1, threads=self.search.threads)
+        left: list[tuple[float, float, float]] = []
         for table, outcome in zip(run.cycles, run.outcome, strict=True):
             if outcome["status"] == Status.OK and any(np.any(table[name] > 0)
                                                       for name in ARRIVALS):
                 motion, phi, phi_dot = (float(table[-1][name]) for name in SAMPLE)
-                self.state = motion, phi, phi_dot
-                self.period = int(np.nan_to_num(outcome["period"]))
-                return True
-        return False
+                if not left:
+                    self.state = motion, phi, phi_dot
+                    self.period = int(np.nan_to_num(outcome["period"]))
+                left.append((motion, phi, phi_dot))
+        return left
+
+    def _share(self, value: float) -> float:
+        """Part of them that rattles through all of `LONGER`."""
+        begun = left = self._begun(value)
+        for cycles in LONGER:
+            left = self._left(value, left, cycles)
+            if not left:
+                return 0.0
+        return len(left) / len(begun)
 
     def bracket(self, alive: float, dead: float) -> End:
         """Between a value where they rattle and one where they do not: where that changes.
 
-        Chaos goes on for a while beyond its end. The value is therefore one more: so far back that
-        they survive `LONGER` times as long, and the bracket reaches from there to where they die.
+        Chaos goes on for a while beyond its end, the longer the nearer. Once it is known to about
+        where that is, the bracket reaches from a value at which none of them dies in `LONGER` to
+        one at which all of them do.
         """
         low, high = self.search.values[[0, -1]]
         width, begun = BRACKET * (high - low), alive
@@ -112,23 +136,42 @@ class _Crowd:
                 alive = middle
             else:
                 dead = middle
-        while not self.survives(alive, LONGER * FOLLOWED) and abs(alive - dead) < abs(begun - dead):
-            width *= 4
-            alive = dead + np.sign(begun - dead) * min(width, abs(begun - dead))
-        return End(0.5 * (alive + dead), 0.5 * abs(dead - alive), Kind.APERIODIC)
+        shares, step = {dead: 0.0}, width
+
+        def share(value: float) -> float:
+            if value not in shares:
+                shares[value] = self._share(value)
+            return shares[value]
+
+        while share(alive) < 1 and abs(alive - dead) < abs(begun - dead):
+            step *= 4
+            alive = dead + np.sign(begun - dead) * min(step, abs(begun - dead))
+        ends: list[float] = []
+        for least in (1.0, np.nextafter(0, 1)):
+            inside, outside = alive, dead
+            while abs(outside - inside) > width:
+                middle = 0.5 * (inside + outside)
+                if share(middle) >= least:
+                    inside = middle
+                else:
+                    outside = middle
+            ends.append(float(inside if least == 1 else outside))
+        return End(ends[0], abs(ends[1] - ends[0]), Kind.APERIODIC)
 
 
 class _Intervals:
     """Intervals of rattling above a value."""
 
     def __init__(self, search: Search, found: Found, ranges: list[StableRange],
-                 kept: float) -> None:
+                 kept: float, dies: End | None) -> None:
         self.search = search
         self.top = float(search.values[-1])
         low = float(search.values[0])
         start = End(max(kept, low), 0.0, Kind.NONE if kept >= low else Kind.LIMIT)
         self.start = start
         self.pieces = [(max(one.low, start), one.high) for one in ranges if one.high.value > kept]
+        if dies is not None and dies.value > start.value:
+            self.pieces.append((start, dies))
         self.wild = {one.value: one.state for one, on in zip(found.motions, found.on, strict=True)
                      if one.value > start.value and on is None
                      and one.kind in (FoundMotion.PERIODIC, FoundMotion.APERIODIC)}
