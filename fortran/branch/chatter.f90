@@ -24,9 +24,9 @@ module lapwing_branch_chatter
   integer, parameter :: most_bounces = 100000, most_corrections = 60
   !> Part of the mesh period that the sum may neglect.
   real(wp), parameter :: neglected = 1e-13_wp
-  !> A bounce slower than this part of F P is summed whatever lies in it: it lasts 1e-11 periods, or
-  !> 1e-5 where the tooth is pressed no longer at its end, beyond which the equations go on.
-  real(wp), parameter :: no_speed = 1e-12_wp
+  !> A bounce slower than this part of F P is summed whatever lies in it: it lasts 1e-14 periods, or
+  !> 3e-7 where the tooth is pressed no longer at its end, beyond which the equations go on.
+  real(wp), parameter :: no_speed = 1e-15_wp
 
 contains
 

@@ -28,8 +28,8 @@ EVENTS = {
     SpecialPoint.KINK: "an impact upon a kink of the transmission error",
     SpecialPoint.KNOT: "an event upon a jump of the curvature",
     SpecialPoint.ENGAGED: "the last separation vanishes: contact is kept",
-    SpecialPoint.APERIODIC: "the end of a motion without a period: there none of eight copies of it "
-                            "dies in 128,000 mesh cycles, above the bracket all do",
+    SpecialPoint.APERIODIC: "the end of a motion without a period: there none of eight copies "
+                            "of it dies in 128,000 mesh cycles, above the bracket all do",
     SpecialPoint.LIMIT: "the end of the values looked at, not of the rattling",
     SpecialPoint.POINTS: "the end of the points asked for, not of the rattling",
     SpecialPoint.UNRESOLVED: "an event that was not resolved",

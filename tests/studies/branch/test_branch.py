@@ -9,11 +9,10 @@ import math
 import numpy as np
 import pytest
 
-from helpers import PAIR, ball, ball_start, oscillator, scene_a, scene_c, scene_d
+from helpers import PAIR, ball, ball_start, scene_a, scene_c, scene_d
 from lapwing import (
     MotionState,
     NoOrbit,
-    TransmissionError,
     critical_torque,
     find_orbit,
     simulate,
@@ -97,41 +96,6 @@ def test_grazing_of_the_coast_flank(gamma, restitution):
     again = branch(found.orbit(beyond), "backlash", low=0.9 * exact, high=1.3 * exact)
     lost = min(again.of_kind(Kind.GRAZING), key=lambda one: abs(one.value - exact))
     assert lost.value == pytest.approx(exact, rel=1e-12)
-
-
-def test_an_impact_comes_upon_a_kink():
-    """The cusp-up parabola, P = 1: doubling at 4(1+ε)²/(1+ε²), kink at 8(1+ε)/(1-ε)."""
-    eps = 0.7
-    flip, kink = 4 * (1 + eps)**2 / (1 + eps**2), 8 * (1 + eps) / (1 - eps)
-    force = 1.2 * flip
-    phase = 0.5 - force / 16 * (1 - eps) / (1 + eps)
-    osc = oscillator(TransmissionError.parabola(-1.0), force=force, period=1.0, restitution=eps,
-                     damping_ratio=0.1)
-    begun = simulate(osc, ("separation", 0.0, -eps * force / (1 + eps)), phase=phase,
-                     cycles=1 - phase).final
-    found = branch(find_orbit(osc, (begun.motion_state, begun.phi, begun.phi_dot)), "force",
-                   low=0.8 * flip, high=1.2 * kink)
-    assert only(found, Kind.PERIOD_DOUBLING).value == pytest.approx(flip, rel=1e-12)
-    end = found.specials[-1]
-    assert (end.kind, end.outcome) == (Kind.KINK, Outcome.ENDS)
-    assert end.value == pytest.approx(kink, rel=1e-12)
-
-
-def test_a_cascade_by_switching_at_each_doubling():
-    """ε = 0.5: the values to nine digits, the ratios to four, determinants ε^(2·2^k)."""
-    found = ball_branch(0.5, 1.2, 1.72)
-    values = []
-    for k in range(5):
-        flip = next(one for one in found.of_kind(Kind.PERIOD_DOUBLING)
-                    if one.outcome is Outcome.PERSISTS)
-        values.append(flip.value)
-        assert found.cycles == 2**k
-        assert flip.multipliers[0] == pytest.approx(-1, abs=1e-8)
-        found = found.switched(flip)
-    assert values[:4] == pytest.approx([1.526823701, 1.667130661, 1.696780746, 1.703180526],
-                                       rel=1e-9)
-    steps = np.diff(values)
-    assert (steps[:-1] / steps[1:]).round(3).tolist() == [4.732, 4.633, 4.651]
 
 
 @pytest.mark.full

@@ -9,14 +9,12 @@ import math
 import numpy as np
 import pytest
 from mpmath import mp
-from scipy.optimize import brentq
 
 import lapwing
-from helpers import COSINE, PAIR, SHIPPED, ball, ball_start, oscillator, scene_a, scene_c
+from helpers import PAIR, SHIPPED, ball, ball_start, oscillator, scene_a, scene_c
 from lapwing import TransmissionError, find_orbit, simulate
 from lapwing.studies.branch import Kind, branch
 from lapwing.studies.branch.motion.layout import Happening
-from lapwing.studies.branch.motion.witness import in_full
 
 FORCE, SIZE, DAMPING = 1.0, 0.3, 0.05
 
@@ -154,44 +152,6 @@ def test_multipliers_close_to_a_fold(way):
     for point in both:
         matrix = differenced(ball(value, eps), found.state(point), 1, 1.0)
         assert largest(matrix).real == pytest.approx(point.multipliers[0].real, abs=1e-5)
-
-
-def test_a_motion_of_a_thousand_impacts():
-    """Rigid, ε = 0.99, g = cos u: thrown off where F = g'', more than a thousand bounces to rest.
-
-    Every one of them is followed here by itself: F s²/2 + (g' + w)s = g(t + s) - g(t).
-    """
-    eps, gamma = 0.99, 1.005
-
-    def make(value):
-        return oscillator(COSINE, force=1 / value, period=2 * math.pi, restitution=eps,
-                          contact_law="rigid", gap="one_flank", damping_ratio=0.1)
-
-    found = branch(find_orbit(make(gamma), settle=50), make, value=gamma, low=gamma - 1e-4,
-                   high=gamma + 1e-4)
-    assert [end.kind for end in found.specials] == [Kind.LIMIT, Kind.LIMIT]
-    point, = found.at(gamma)
-    layout, events = in_full(found.follower.problem, point.place.layout, point.place.z)
-    assert np.sum(layout.kind == Happening.REBOUND) > 1000
-    begin = int(np.flatnonzero(layout.kind == Happening.RELEASE)[0])
-    order = (begin + np.arange(layout.n)) % layout.n
-    time, speed, force = math.acos(-1 / gamma), 0.0, 1 / gamma
-    assert 2 * math.pi * events.phase[begin] % (2 * math.pi) == pytest.approx(time, abs=1e-13)
-    for k in order[1:1001]:
-        assert layout.kind[k] == Happening.REBOUND
-
-        def gap(s, time=time, speed=speed):
-            """φ over s, without cancellation: 1 - cos s and sin s less s are small."""
-            bend = -2 * math.cos(time) * math.sin(s / 2)**2 - math.sin(time) * (math.sin(s) - s)
-            return -speed + force * s / 2 - bend / s
-
-        expected = (2 * math.pi * (events.phase[k] - events.phase[k - 1])) % (2 * math.pi)
-        s = brentq(gap, 0.9 * expected, 1.1 * expected, xtol=1e-18, rtol=1e-15)
-        slope = -math.sin(time + s) + math.sin(time)
-        speed = eps * (-speed + force * s - slope)
-        time += s
-        away = events.phase[k] - time / (2 * math.pi)
-        assert away - round(away) == pytest.approx(0, abs=1e-12)
 
 
 THREE_HARMONICS = TransmissionError.harmonic([17e-6, 4.5e-6, 1.5e-6], [0.0, 1.0, 2.0], [1, 2, 3])

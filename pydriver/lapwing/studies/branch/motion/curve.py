@@ -125,7 +125,10 @@ class Problem:
         try:
             there = self.residual(layout, z + step)
         except ValueError:
-            # No oscillator has more than the greatest value allowed.
+            there = np.full(1, math.nan)
+        if not np.all(np.isfinite(there)):
+            # No oscillator has more than the greatest value allowed, no chatter dies out beyond the
+            # value at which the last one does.
             step = -step
             there = self.residual(layout, z + step)
         found: NDArray[Any] = (there - here) / step[-1]

@@ -39,6 +39,9 @@ TOGETHER, NO_SPEED = 1e-6, 1e-6
 ASKED = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 # What lies beyond a place from which no step was found is seen so many times nearer than it may be.
 STUCK = 4
+# The last complete chatter is looked for to this, parts of the range, and is off by `SUMMED`: so
+# far from it what the equations neglect of the last bounces lets one more be complete.
+LAST, SUMMED = 1e-12, 1e-11
 # Impacts born one after the other within this part of the range are the onset of a chatter.
 PILED_UP = 1e-10
 
@@ -244,6 +247,8 @@ def _stuck(follower: Follower, why: str, place: Place) -> tuple[Special, Place |
             kind, words = Kind.CHATTER, "bounces no longer die out" if one.chatters else \
                 "a complete chatter is born"
             if one.chatters:
+                place, error = _last_complete(follower, place, float(after.z[-1]))
+                point = follower.point(place)
                 end = int(np.flatnonzero(one.kind == Happening.CHATTER_END)[-1])
                 flank, phase = int(one.flank[end]), float(np.mod(place.z[2 * end], 1.0))
         elif one.chatters:
@@ -260,6 +265,23 @@ def _stuck(follower: Follower, why: str, place: Place) -> tuple[Special, Place |
         if after.tangent[-1] * place.tangent[-1] > 0 else Outcome.TURNS_BACK
     return Special(kind, outcome, point.value, error, words, flank, phase, place,
                    point.multipliers), after
+
+
+def _last_complete(follower: Follower, place: Place, beyond: float) -> tuple[Place, float]:
+    """The motion before which bounces no longer die out, and by how much its value may be off.
+
+    Towards it the end of the chatter moves ever faster, with no power of the distance, so that no
+    step along the branch comes near it; at a value that is held the equations can be solved as long
+    as the bounces die out.
+    """
+    problem, alive, dead = follower.problem, place, beyond
+    while abs(dead - alive.z[-1]) > LAST * max(1.0, abs(dead)):
+        z = alive.z + alive.tangent * (0.5 * (dead - alive.z[-1]) / alive.tangent[-1])
+        try:
+            alive = follower.place(alive.layout, at_value(problem, alive.layout, z), alive.tangent)
+        except NotCorrected:
+            dead = float(z[-1])
+    return alive, (abs(dead - alive.z[-1]) + SUMMED * max(1.0, abs(dead))) * problem.unit
 
 
 def _with_impact(follower: Follower, place: Place, turn: Turn, rigid: bool) -> Place | None:
