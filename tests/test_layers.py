@@ -313,7 +313,7 @@ def test_public_names_say_what_they_take_give_and_are(path):
 def test_the_engine_has_one_importer():
     importers = {own_name(path) for path in MODULES
                  for module, _ in imports(path) if module.startswith("lapwing._engine")}
-    assert importers == {"engine.calls"}
+    assert importers == {"engine.compiled"}
 
 
 @cache

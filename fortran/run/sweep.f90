@@ -306,8 +306,10 @@ contains
     end if
     sweep%outcome(:, line%point) = [real(status, wp), real(recorder%sums%n_log, wp), final, &
         found, recorder%sums%fastest, averages, pack_work(work)]
-    blob(1:3) = final
-    if (status /= status_ok) blob(1) = -1
+    if (line%carried) then
+      blob(1:3) = final
+      if (status /= status_ok) blob(1) = -1
+    end if
     line%stage = stage_start
     if (line%point == line%last) then
       line%stage = stage_done

@@ -4,6 +4,7 @@ import multiprocessing
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -114,3 +115,47 @@ def test_a_process_born_by_fork_computes(way, tests_folders):
 def test_a_spawned_process_is_not_taken_for_a_forked_one():
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         assert pool.apply(threads.usable_threads, (2, 2)) == 2
+
+
+def test_a_team_is_begun_once_and_lost_with_its_threads(monkeypatch):
+    """A team that stands is not tried again; one that was let go in part is no longer known."""
+    tried = []
+    monkeypatch.setattr(threads, "_can_begin", lambda count: tried.append(count) or count)
+    monkeypatch.setattr(threads._team, "numbers", frozenset())
+    if not threads._team.now():
+        pytest.skip("the system does not tell the threads of a process")
+    release = threading.Event()
+
+    def begin(count):
+        for _ in range(count):
+            threading.Thread(target=release.wait, daemon=True).start()
+
+    assert threads.usable_threads(3, 8) == 3
+    with threads.team_of(3):
+        begin(2)
+    assert threads.usable_threads(3, 8) == threads.usable_threads(2, 8) + 1 == 3
+    assert tried == [2]
+    with threads.team_of(4):
+        begin(1)
+    assert threads.usable_threads(4, 8) == 4 and tried == [2]
+    with threads.team_of(2):
+        pass  # who of the three is left is not known
+    assert threads.usable_threads(2, 8) == 2 and tried == [2, 1]
+    with threads.team_of(2):
+        begin(1)
+    release.set()
+    for thread in threading.enumerate():
+        if thread is not threading.current_thread() and thread.daemon:
+            thread.join(timeout=10)
+    assert threads.usable_threads(2, 8) == 2 and tried == [2, 1, 1]
+
+
+def test_loading_openmp_leaves_no_variable_behind(monkeypatch):
+    for name in ("OMP_WAIT_POLICY", "GOMP_SPINCOUNT"):
+        monkeypatch.delenv(name, raising=False)
+    with threads.short_waits():
+        assert int(os.environ["GOMP_SPINCOUNT"]) > 0
+    assert "GOMP_SPINCOUNT" not in os.environ
+    monkeypatch.setenv("OMP_WAIT_POLICY", "active")
+    with threads.short_waits():
+        assert "GOMP_SPINCOUNT" not in os.environ

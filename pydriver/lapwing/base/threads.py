@@ -7,7 +7,8 @@ import os
 import re
 import threading
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 from lapwing.base.arguments import MAX_INT, whole
 
@@ -15,6 +16,10 @@ from lapwing.base.arguments import MAX_INT, whole
 # them, and because a wish made for another machine is no reason to refuse.
 PER_PROCESSOR, AT_LEAST = 4, 16
 _LIST = re.compile(r"\s*\+?([0-9]{1,20})\s*(,\s*\+?[0-9]+\s*)*", re.ASCII)
+# The threads of this process, by number.
+_TASKS = "/proc/self/task"
+# Read by GNU OpenMP when it is loaded.
+_SPINS = "GOMP_SPINCOUNT"
 _state = {"forked": False}
 # Threads of this process where several share the machine's; None: it is alone.
 _share: list[int | None] = [None]
@@ -26,6 +31,23 @@ def _born_by_fork() -> None:
 
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_born_by_fork)
+
+
+@contextmanager
+def short_waits() -> Iterator[None]:
+    """While it lasts, OpenMP is loaded so that its threads soon sleep when there is nothing to do.
+
+    They spin for milliseconds otherwise, after each of the short calls that a study is made of, and
+    hold a processor that others want. Whoever has said how they wait is listened to.
+    """
+    if not {"OMP_WAIT_POLICY", _SPINS}.isdisjoint(os.environ):
+        yield
+        return
+    os.environ[_SPINS] = "10000"  # some tenths of a millisecond
+    try:
+        yield
+    finally:
+        del os.environ[_SPINS]
 
 
 def default_threads() -> int:
@@ -111,7 +133,46 @@ def usable_threads(wanted: int, tasks: int) -> int:
     if _state["forked"] or wanted <= 1 or tasks <= 1:
         return 1
     wanted = max(1, min(wanted, tasks, most_threads()))
-    return wanted if wanted == 1 else 1 + _can_begin(wanted - 1)
+    return wanted if wanted == 1 or _team.stands(wanted) else 1 + _can_begin(wanted - 1)
+
+
+class _Team(threading.local):
+    """Threads that OpenMP began for calls of this one, by their numbers; they wait for its next."""
+
+    numbers: frozenset[str] = frozenset()
+
+    def stands(self, count: int) -> bool:
+        """Whether a team of so many, this thread included, is known to be there still."""
+        return len(self.numbers) >= count - 1 > 0 and all(
+            os.path.exists(f"{_TASKS}/{number}") for number in self.numbers)
+
+    def now(self) -> frozenset[str]:
+        """All threads of this process; none where the system does not say."""
+        try:
+            return frozenset(os.listdir(_TASKS))
+        except OSError:
+            return frozenset()
+
+
+_team = _Team()
+
+
+@contextmanager
+def team_of(count: int) -> Iterator[None]:
+    """While it lasts, OpenMP is used by so many threads, this one included.
+
+    It keeps them for the next call; a larger team than the next one is let go in part.
+    """
+    if count == 1 or (len(_team.numbers) == count - 1 and _team.stands(count)):
+        yield
+        return
+    here, before = _team.numbers, _team.now()
+    _team.numbers = frozenset()
+    yield
+    after = _team.now()
+    begun = (after - before) | (here & after)
+    if len(begun) == count - 1:  # else others came or went meanwhile
+        _team.numbers = begun
 
 
 def _can_begin(wanted: int) -> int:

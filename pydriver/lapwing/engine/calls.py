@@ -1,4 +1,4 @@
-"""The only importer of the compiled engine: packs arguments, repeats bounded calls, unpacks.
+"""Calls of the compiled engine: packs arguments, repeats bounded calls, unpacks.
 
 One call into the engine does at most `CALL_SECONDS` of work, so that Ctrl-C is felt at once; the
 run between two calls is one array (`blob`), and where a run is cut changes no bit of it.
@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lapwing._engine import api as api
 from lapwing.base.codes import ContactLaw, Gap, ImpactLaw, Method, Status
+from lapwing.engine.compiled import api as api
 from lapwing.engine.flanks import flank_argument
 from lapwing.engine.methods import method_of
 from lapwing.engine.points import Points
@@ -70,14 +71,24 @@ def real_parameters(points: Any, numerics: Numerics, method: str, wanted: Wanted
 
 def choices(osc: Oscillator, numerics: Numerics, method: str, wanted: Wanted, settle: int = 0,
             record: int = 0) -> NDArray[Any]:
-    """Integer parameters, (n_choices,), in the order of api/marshal.f90."""
-    codes = (ContactLaw[osc.contact_law.upper()], ImpactLaw[osc.impact_law.upper()],
-             Gap[osc.gap.upper()], osc.back_flank_te, numerics.max_events_per_cycle,
+    """Integer parameters, (n_choices,), in the order of api/marshal.f90; not to be written to."""
+    return _choices(osc.contact_law, osc.impact_law, osc.gap, osc.back_flank_te,
+                    osc.degrees_of_freedom, numerics, method, wanted, settle, record)
+
+
+@lru_cache(maxsize=64)
+def _choices(contact_law: str, impact_law: str, gap: str, back_flank_te: bool, degrees: int,
+             numerics: Numerics, method: str, wanted: Wanted, settle: int,
+             record: int) -> NDArray[Any]:
+    codes = (ContactLaw[contact_law.upper()], ImpactLaw[impact_law.upper()],
+             Gap[gap.upper()], back_flank_te, numerics.max_events_per_cycle,
              numerics.max_steps_per_cycle, wanted.events, wanted.impacts, wanted.grazes,
              wanted.strobe or wanted.tangent, wanted.cycles, settle, record,
-             Method[method.upper()], wanted.tangent, numerics.copy_repeats, osc.degrees_of_freedom,
+             Method[method.upper()], wanted.tangent, numerics.copy_repeats, degrees,
              wanted.depths, not wanted.bounces, wanted.averages)
-    return np.array([int(code) for code in codes], dtype=np.intc)
+    made = np.array([int(code) for code in codes], dtype=np.intc)
+    made.flags.writeable = False
+    return made
 
 
 def _prepared(osc: Oscillator, numerics: Numerics, wanted: Wanted) -> tuple[Any, ...]:

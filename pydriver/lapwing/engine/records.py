@@ -7,6 +7,7 @@ A table comes out as a structured array, one entry a line: `cycles["phi"]` is a 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,7 @@ OUTCOME_TABLE = np.dtype([(name, float) for name in ("status", "logged", *SAMPLE
                          + [("work", float, (len(WORK_NAMES),))])
 
 
+@cache
 def tangent_table(states: int = 2) -> np.dtype[Any]:
     """Table of tangent maps of a system with so many states."""
     return np.dtype([("matrix", float, (states, states)), *((name, float) for name in TANGENT)])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lapwing.base import estimates
 from lapwing.base.codes import Status
-from lapwing.base.threads import usable_threads
+from lapwing.base.threads import team_of, usable_threads
 from lapwing.engine import blocks, calls
 from lapwing.engine.flanks import flank_arguments
 from lapwing.engine.methods import common_method
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 LINE_DONE = 4  # fortran/run/sweep.f90, stage_done
 # Points of a block for each thread at least, lest threads wait for the last of them.
 POINTS_PER_THREAD = 8
+# To begin or to wake a thread takes longer than fewer cycles, by the way they are moved.
+CYCLES_PER_THREAD = {"exact": 1000, "rk4": 40}
 
 
 @dataclass
@@ -147,7 +149,8 @@ def sweep(points: Any, lines: Any, starts: Any, *, numerics: Numerics, wanted: W
     way = np.array(lines, dtype=np.intc).reshape(-1, 3)
     begins = np.array(starts, dtype=float).reshape(-1, 4)
     tables = _Tables.of(points, wanted, record, keep_cycles)
-    threads = threads if keep_cycles else 1
+    worth = len(points) * (settle + record) // CYCLES_PER_THREAD[method]
+    threads = min(threads, max(1, worth)) if keep_cycles else 1
     waits = wanted.events or wanted.grazes
     logs = blocks.Logs(n, log_table) if waits or wanted.impacts else None
     log = np.empty((calls.LOG_COLUMNS, 1, n), order="F")
@@ -250,13 +253,17 @@ class _Block:
               waits: bool) -> Iterator[float]:
         """Call the engine until all is done, and give the processor time of each call, s."""
         many, part = self.lines.shape[1], self.part
-        blobs = np.zeros((calls.BLOB_SIZE, many), order="F")
-        while np.any(self.lines[4] < LINE_DONE):
+        # The engine reads what it has written only; to fill all of it takes longer than short runs.
+        # Compared, it must be equal to itself.
+        blobs = (np.zeros if waits else np.empty)((calls.BLOB_SIZE, many), order="F")
+        while self.lines[4].min() < LINE_DONE:
             before = (self.lines.copy(), blobs.copy()) if waits else None
             begun = time.process_time()
-            within = np.array([calls.CALL_SECONDS, usable_threads(threads, many)])
-            calls.api.sweep(*fixed, self.lines, self.begins, within, blobs, part.cycles,
-                            part.tangent, part.density, log, part.outcome)
+            count = usable_threads(threads, many)
+            within = np.array([calls.CALL_SECONDS, count])
+            with team_of(count):
+                calls.api.sweep(*fixed, self.lines, self.begins, within, blobs, part.cycles,
+                                part.tangent, part.density, log, part.outcome)
             spent = time.process_time() - begun
             if before and np.array_equal(before[0], self.lines) \
                     and np.array_equal(before[1], blobs):

@@ -1,7 +1,7 @@
 """The Dataset of a sweep, its form kept for the next sweep that has the same.
 
-To check names, dimensions and coordinates against each other takes longer than the engine takes for
-a small sweep.
+To check names, dimensions and coordinates against each other, and to make an index, takes longer
+than the engine takes for a small sweep.
 """
 
 from __future__ import annotations
@@ -17,8 +17,10 @@ from lapwing.base.quantities import worded
 if TYPE_CHECKING:
     import xarray as xr
 
-# Forms kept; each holds no more than its values.
+# Forms and coordinates kept.
 MOST_KEPT = 16
+# What xarray itself makes a Dataset by whose parts fit together; it is not promised to stay.
+SHORT_WAY = "_construct_direct"
 
 
 def dataset(data: dict[str, tuple[Any, NDArray[Any]]], starts: tuple[str, ...], parameter: str,
@@ -31,22 +33,37 @@ def dataset(data: dict[str, tuple[Any, NDArray[Any]]], starts: tuple[str, ...], 
     starts, values : coordinates of `start` and of the parameter
     attrs : attributes of the whole
     """
+    import xarray as xr
+
     columns = tuple((name, dims if isinstance(dims, tuple) else (dims,), array.shape, array.dtype)
                     for name, (dims, array) in data.items())
-    made = _form(starts, parameter, values.tobytes(), values.dtype, columns).copy(
-        data={name: array for name, (_, array) in data.items()})
-    made.attrs = attrs
+    form, coords = _form(columns), _coords(starts, parameter, values.tobytes(), values.dtype)
+    variables = {name: xr.Variable(one.dims, data[str(name)][1], one.attrs, fastpath=True)
+                 for name, one in form.variables.items()}
+    variables |= {name: one.copy(deep=False) for name, one in coords.variables.items()}
+    directly = getattr(xr.Dataset, SHORT_WAY, None)
+    if directly is None:
+        return xr.Dataset(variables, attrs=attrs)
+    made: xr.Dataset = directly(variables, set(coords.variables), {**coords.sizes, **form.sizes},
+                                attrs, dict(coords.xindexes))
     return made
 
 
 @lru_cache(maxsize=MOST_KEPT)
-def _form(starts: tuple[str, ...], parameter: str, values: bytes, kind: np.dtype[Any],
-          columns: tuple[tuple[str, tuple[str, ...], tuple[int, ...], np.dtype[Any]], ...]
+def _form(columns: tuple[tuple[str, tuple[str, ...], tuple[int, ...], np.dtype[Any]], ...]
           ) -> xr.Dataset:
-    """The same without data: zeros that take no memory stand for them."""
+    """Variables without data: zeros that take no memory stand for them."""
     import xarray as xr
 
-    nothing = {name: (dims, np.broadcast_to(np.zeros((), dtype), shape))
-               for name, dims, shape, dtype in columns}
-    return worded(xr.Dataset(nothing, {"start": list(starts),
-                                       parameter: np.frombuffer(values, kind)}))
+    return worded(xr.Dataset({name: (dims, np.broadcast_to(np.zeros((), dtype), shape))
+                              for name, dims, shape, dtype in columns}))
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _coords(starts: tuple[str, ...], parameter: str, values: bytes,
+            kind: np.dtype[Any]) -> xr.Dataset:
+    """Coordinates alone."""
+    import xarray as xr
+
+    return worded(xr.Dataset(coords={"start": list(starts),
+                                     parameter: np.frombuffer(values, kind)}))

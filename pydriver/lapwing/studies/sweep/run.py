@@ -134,8 +134,9 @@ def sweep(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torq
         numerics=job.numerics, wanted=job.wanted, settle=job.settle, record=job.record,
         log_room=job.max_impacts, threads=threads, progress=progress,
         keep_interrupted=keep_interrupted, log_table=IMPACT_TABLE)
-    further = job.further(result.outcome, np.tile(np.arange(count), len(job.starts)),
-                          lambda: None, usable_threads(threads, job.grid.runs))
+    further = job.further(
+        result.outcome, np.tile(np.arange(count), len(job.starts)), lambda: None,
+        usable_threads(threads, job.grid.runs)) if job.besides else {}
     return dataset_of(job, result, further)
 
 
@@ -164,7 +165,7 @@ def job_of(pair: GearPair, te: TransmissionError, *, parameter: str, values: Any
         estimates.sweep_bytes(job.grid.runs, job.record, True, job.wanted.impacts,
                               job.wanted.tangent, job.max_impacts),
         "sweep", "values, starts, record or max_impacts")
-    if job.oscillators[0].gap == "one_flank" and np.any(job.oscillators.points.force < 0):
+    if job.oscillators.shared.gap == "one_flank" and np.any(job.oscillators.points.force < 0):
         raise ValueError("sweep: rest with a negative force needs a coast flank to rest on")
     if "speeds" not in observe:
         return job
@@ -176,7 +177,7 @@ def dataset_of(job: SweepJob, result: SweepResult,
     """What `sweep` returns, from the tables of all points and what they went on for."""
     wanted, oscillators = job.wanted, job.oscillators
     data = _dataset(result, oscillators, job.parameter, job.values, job.starts, wanted, job.phase,
-                    settings(oscillators[0], job.numerics, pair=job.pair,
+                    settings(oscillators.shared, job.numerics, pair=job.pair,
                              varied=(job.parameter,)) | {
                         "method": result.method, "settle": job.settle, "record": job.record,
                         "interrupted": int(result.interrupted),
@@ -229,7 +230,7 @@ def _check(pair: GearPair, te: TransmissionError, parameter: str, values: Any,
 
 def _lines(starts: tuple[str, ...], n: int) -> NDArray[Any]:
     """Lines of the engine, the long ones first so that they are not waited for."""
-    carried, single = [], []
+    carried, single = list[tuple[int, int, bool]](), list[NDArray[Any]]()
     for block, start in enumerate(starts):
         first, last = block * n, block * n + n - 1
         if start == "up":
@@ -237,9 +238,12 @@ def _lines(starts: tuple[str, ...], n: int) -> NDArray[Any]:
         elif start == "down":
             carried.append((last, first, True))
         else:
-            points = np.arange(first, last + 1)
-            single.append(np.stack([points, points, np.zeros_like(points)], axis=-1))
-    return np.concatenate([np.array(carried, dtype=int).reshape(-1, 3), *single])
+            points = np.zeros((n, 3), dtype=int)
+            points[:, :2] = np.arange(first, last + 1)[:, None]
+            single.append(points)
+    if not carried:
+        return single[0]
+    return np.concatenate([np.array(carried, dtype=int), *single])
 
 
 def _dataset(result: SweepResult, oscillators: Varied, parameter: str,
@@ -262,7 +266,7 @@ def _dataset(result: SweepResult, oscillators: Varied, parameter: str,
         data |= _stability(result, tables, data["period"][1], oscillators, by_point)
     if wanted.impacts:
         data |= _impacts(result, oscillators, shape, by_point)
-    work = work_counts(np.nansum(result.outcome["work"], axis=0))
+    work = work_counts(_total(result.outcome["work"]))
     attrs = {**attrs, "phase": phase} | {f"work_{name}": count for name, count in work.items()}
     if wanted.speed_edges:
         data |= _speeds(result, shape, by_point, attrs["record"])
@@ -272,19 +276,22 @@ def _dataset(result: SweepResult, oscillators: Varied, parameter: str,
     return made
 
 
+def _total(rows: NDArray[Any]) -> NDArray[Any]:
+    """Sums of columns, without what is not known."""
+    found: NDArray[Any] = rows.sum(axis=0)
+    return np.nansum(rows, axis=0) if np.isnan(found).any() else found
+
+
 def _classes(outcome: Any) -> NDArray[Any]:
     """Class of each point, `period.motion_class`, as array of text."""
     rows = np.stack([outcome[name] for name in ("status", *CLASS)], axis=-1)
     rows = rows.reshape(-1, 1 + len(CLASS))
     rows[np.isnan(rows)] = 0
     rows[rows[:, 1] == NO_PERIOD, 2:4] = 0
-    names: dict[tuple[float, ...], str] = {}
-    found = []
-    for row in map(tuple, rows.tolist()):
-        if row not in names:
-            names[row] = _class(*row)
-        found.append(names[row])
-    return np.array(found).reshape(outcome.shape)
+    # Neighbours mostly move alike.
+    first = np.flatnonzero(np.append(True, (rows[1:] != rows[:-1]).any(axis=1)))
+    found = np.array([_class(*row) for row in rows[first].tolist()])
+    return np.repeat(found, np.diff(first, append=len(rows))).reshape(outcome.shape)
 
 
 def _class(status: float, period: float, arrivals: float, back_arrivals: float,
@@ -322,7 +329,7 @@ def _speed_edges(oscillators: Varied) -> NDArray[Any]:
 
     That is the speed of a fall through the gap and twice the flank's fastest, both ways.
     """
-    phase, points, shared = np.arange(1000) / 1000, oscillators.points, oscillators[0]
+    phase, points, shared = np.arange(1000) / 1000, oscillators.points, oscillators.shared
     steepest = np.array([np.abs(te.derivative(1, phase)).max() for te in points.curves])
     fall = points.backlash * (1.0 if shared.gap == "one_sided" else 2.0)
     speeds = np.sqrt(2 * np.abs(points.force) * fall) \

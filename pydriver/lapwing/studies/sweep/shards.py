@@ -203,7 +203,7 @@ class Gathered:
         self.notes, self.cpus = notes, set[str]()
         self._job = job
         runs, record = job.grid.runs, job.record
-        degrees = job.oscillators[0].degrees_of_freedom
+        degrees = job.oscillators.shared.degrees_of_freedom
         self._tables = {"outcome": unknown(OUTCOME_TABLE, runs),
                         "cycles": unknown(CYCLE_TABLE, runs, record)}
         self._tables["outcome"]["status"] = Status.UNFINISHED

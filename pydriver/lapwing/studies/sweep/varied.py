@@ -136,11 +136,13 @@ def force_per_deflection(pair: GearPair, values: Mapping[str, Any]) -> Any:
 class Varied(Sequence[Oscillator]):
     """Oscillators of some values of a parameter.
 
-    Torques, speeds and scales move one number of it alone.
+    Torques, speeds and scales move one number of it alone. Then none is made before it is asked
+    for, and what they share is made once for all sweeps of a pair in such an operation.
 
     Attributes
     ----------
     points : Points (n,), the numbers of all
+    shared : Oscillator, one whose laws are those of all, and all numbers but what is varied
 
     Raises
     ------
@@ -154,13 +156,18 @@ class Varied(Sequence[Oscillator]):
         self._make: Callable[[int], Oscillator] = lambda i: oscillator_at(
             pair, te, parameter, values[i], operation)
         self._count = len(values)
-        first = self[0]
-        if first.degrees_of_freedom == 1 and parameter not in OF_PAIR \
-                and not varies_curve(parameter):
-            name, numbers, good = _moved(pair, curves_of(te).given, parameter, values, operation)
+        given = curves_of(te).given
+        alone = parameter not in OF_PAIR and not varies_curve(parameter)
+        key = _key(pair, given, parameter, operation) if alone else None
+        shared = _SHARED.get(key)
+        self.shared = self[0] if shared is None else shared[-1]
+        if alone and self.shared.degrees_of_freedom == 1:
+            name, numbers, good = _moved(pair, given, parameter, values, operation)
             for i in np.flatnonzero(~good):
                 self[int(i)]
-            self.points = Points.varied(first, name, numbers)
+            self.points = Points.varied(self.shared, name, numbers)
+            if key is not None and shared is None:
+                _keep(key, pair, given, self.shared)
         else:
             self.points = Points.of(list(self))
 
@@ -174,6 +181,28 @@ class Varied(Sequence[Oscillator]):
         if i not in self._made:
             self._made[i] = self._make(i)
         return self._made[i]
+
+
+# What sweeps of late had in common: key -> pair and transmission error, whose places in memory are
+# not taken by others as long as they are here, and an oscillator.
+_SHARED: dict[Any, tuple[GearPair, TransmissionError, Oscillator]] = {}
+MOST_KEPT = 16
+# Kinds of arguments whose text tells all of them.
+_PLAIN = {float, int, bool, str, type(None), np.float64}
+
+
+def _key(pair: GearPair, te: TransmissionError, parameter: str,
+         operation: Mapping[str, Any]) -> Any:
+    """What tells one common oscillator from another; None: that is not known."""
+    if not _PLAIN.issuperset(map(type, operation.values())):
+        return None
+    return id(pair), id(te), parameter, repr(operation)
+
+
+def _keep(key: Any, pair: GearPair, te: TransmissionError, shared: Oscillator) -> None:
+    if len(_SHARED) >= MOST_KEPT:
+        _SHARED.clear()
+    _SHARED[key] = pair, te, shared
 
 
 def _moved(pair: GearPair, te: TransmissionError, parameter: str, values: Any,
