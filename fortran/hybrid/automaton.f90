@@ -219,7 +219,8 @@ contains
     segment%length = reached%s
     state%instant%chart = reached%chart
     state%instant%piece = reached%piece
-    state%instant%y(1:system%n_states) = reached%y(1:system%n_states)
+    state%instant%y(1:2) = reached%y(1:2)
+    if (system%n_states > 2) state%instant%y(3:system%n_states) = reached%y(3:system%n_states)
     if (reached%flank == no_flank .and. reached%s >= segment%frame%stop) then
       call pass_stop(system, state, segment)
       return
@@ -308,13 +309,14 @@ contains
     type(segment_t), intent(in) :: segment          !! what happened
     type(hybrid_state_t), intent(inout) :: state
     integer, intent(out) :: status                  !! status_*
+    real(wp) :: total
     status = status_ok
     state%events_in_cycle = state%events_in_cycle + segment%n_events
     state%steps_in_cycle = state%steps_in_cycle + segment%skipped + 1
     if (state%events_in_cycle > numerics%max_events_per_cycle) status = status_too_many_events
     if (state%steps_in_cycle > numerics%max_steps_per_cycle) status = status_too_many_steps
-    if (.not. abs(sum(state%instant%y(1:system%n_states))) <= huge(1.0_wp)) then
-      status = status_not_finite
-    end if
+    total = state%instant%y(1) + state%instant%y(2)
+    if (system%n_states > 2) total = total + sum(state%instant%y(3:system%n_states))
+    if (.not. abs(total) <= huge(total)) status = status_not_finite
   end subroutine check_bounds
 end module lapwing_hybrid_automaton

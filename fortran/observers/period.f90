@@ -42,11 +42,11 @@ contains
     logical :: fades(most_looked_for)      !! by divisor: whether its differences still fade
     integer :: p, q, n, pairs
     period = no_period
-    fades = .false.
     n = size(cycles, 2)
     associate (states => cycles(first_state:first_state + 1, :))
       if (.not. all(ieee_is_finite(states))) return
       do p = 1, min(most, most_looked_for)
+        fades(p) = .false.
         pairs = max(2*p, fewest_pairs)
         if (n < pairs + p) return
         if (.not. repeats(states, scale, p, pairs)) cycle

@@ -100,10 +100,19 @@ contains
     class(flow_t), intent(in) :: flow            !! what followed it
     type(segment_t), intent(in) :: segment       !! what happened last
     real(wp), intent(in) :: until                !! time in the segment's cycle
+    if (self%want_unfinished) call write_part(self, system, flow, segment, until)
+  end subroutine write_unfinished
+
+  !> The same, wanted.
+  subroutine write_part(self, system, flow, segment, until)
+    type(recorder_t), intent(inout) :: self
+    class(system_t), intent(in) :: system        !! what moves
+    class(flow_t), intent(in) :: flow            !! what followed it
+    type(segment_t), intent(in) :: segment       !! what happened last
+    real(wp), intent(in) :: until                !! time in the segment's cycle
     type(recorder_t) :: copy
     type(segment_t) :: part
     type(work_t) :: uncounted
-    if (.not. self%want_unfinished) return
     copy = self
     copy%want_tangent = .false.
     part = segment
@@ -113,7 +122,7 @@ contains
     call measure(copy, system, flow, part, uncounted)
     self%unfinished = .not. copy%sums%strobe_due .and. copy%sums%n_cycles < size(copy%cycles, 2)
     if (self%unfinished) call close_cycle(copy, part)
-  end subroutine write_unfinished
+  end subroutine write_part
 
   !> The cycle's first state: where its first arc of positive length begins.
   subroutine strobe(self, system, segment)

@@ -160,6 +160,7 @@ contains
     type(recorder_t), intent(inout) :: self
     type(event_t), intent(in) :: event           !! the event
     logical :: is_impact, is_graze, wanted
+    if (.not. (self%want_events .or. self%want_impacts .or. self%want_grazes)) return
     is_impact = event%kind <= event_kind(event_impact, coast_flank)
     is_graze = event%kind >= event_near_graze
     wanted = self%want_events .or. (self%want_impacts .and. is_impact) &

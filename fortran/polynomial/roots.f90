@@ -8,7 +8,7 @@ module lapwing_polynomial_roots
   implicit none
   private
   public :: first_zero, first_descent, critical_points, lift_off, first_nonzero, newton
-  public :: raise_to_largest, raise_to_turn, is_parabola, parabola_descent
+  public :: raise_to_largest, raise_to_turn, raise_to_vertex, is_parabola, parabola_descent
 
   !> Halvings before two roots closer than 2**-48 of the interval are treated as one.
   integer, parameter :: max_depth = 48
@@ -259,8 +259,7 @@ contains
     real(wp) :: at(max_degree)
     integer :: i, n
     if (is_parabola(c)) then
-      most = max(most, c(0), c(0) + (c(1) + c(2)*length)*length)
-      if (c(1) > 0 .and. c(1) + 2*c(2)*length < 0) most = max(most, c(0) - 0.25_wp*c(1)**2/c(2))
+      call raise_to_vertex(c(0:2), length, most)
       return
     end if
     most = max(most, c(0), horner(c, length))
@@ -269,6 +268,15 @@ contains
       most = max(most, horner(c, at(i)))
     end do
   end subroutine raise_to_largest
+
+  !> The same of a parabola, by formula.
+  pure subroutine raise_to_vertex(c, length, most)
+    real(wp), intent(in) :: c(0:2)               !! coefficients
+    real(wp), intent(in) :: length               !! interval
+    real(wp), intent(inout) :: most              !! largest value
+    most = max(most, c(0), c(0) + (c(1) + c(2)*length)*length)
+    if (c(1) > 0 .and. c(1) + 2*c(2)*length < 0) most = max(most, c(0) - 0.25_wp*c(1)**2/c(2))
+  end subroutine raise_to_vertex
 
   !> All x in (0, length) where the derivative changes sign, in increasing order.
   pure subroutine critical_points(c, length, n, x)

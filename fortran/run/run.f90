@@ -42,6 +42,7 @@ contains
     type(work_t) :: work_before
     type(repetition_t) :: repetition
     integer :: looks, seen_until
+    logical :: may_be_taken_back
     status = status_ok
     looks = 0
     seen_until = -1
@@ -53,13 +54,23 @@ contains
         looks = 0
       end if
       if (status /= status_ok) return
-      before = state
-      work_before = work
-      segment%unseen = state%instant%cycle < target_cycle .and. state%instant%cycle > seen_until
+      ! An arc ends with its cycle, at the latest. One in closed form that fails has moved nothing
+      ! but the instant.
+      may_be_taken_back = flow%takes_steps .or. state%instant%cycle >= target_cycle
+      if (may_be_taken_back) then
+        before = state
+        work_before = work
+      end if
+      segment%unseen = flow%takes_steps .and. state%instant%cycle < target_cycle &
+          .and. state%instant%cycle > seen_until
       if (segment%unseen) segment%unseen = .not. looks_closely(recorder, state%instant)
       call advance(system, flow, numerics, state, segment, work, status)
       if (status == status_step_too_small .or. status == status_not_finite) then
-        state = before
+        if (may_be_taken_back) then
+          state = before
+        else
+          state%instant = segment%begin
+        end if
         if (segment%skipped > 0) then
           ! Once more step by step, up to the one that fails.
           work = work_before

@@ -228,15 +228,13 @@ contains
     type(work_t), intent(inout) :: work              !! counts
     integer, intent(out) :: status                   !! status_*
     real(wp), intent(out), target :: final(3, 1)     !! motion state, phi, phi' at the end
-    type(recorder_t) :: silent
     real(wp) :: target_t
     real(wp), target :: final_time(2, 1)
     status = status_ok
     final = 0
     target_t = line%start(4)*system%period
     if (line%stage == stage_settle) then
-      call run_to(system, flow, sweep%numerics, max(sweep%settle - 1, 0), target_t, deadline, &
-          state, silent, work, status)
+      call settle(sweep, system, flow, target_t, deadline, state, work, status)
       if (status /= status_ok) return
       line%stage = stage_prepare
       if (sweep%settle > 1) call start_watching(recorder, &
@@ -261,6 +259,21 @@ contains
         state, recorder, work, status)
     nullify (recorder%sample_time, recorder%samples)
   end subroutine run_point
+
+  !> The cycles of which nothing is recorded: all but one before recording.
+  subroutine settle(sweep, system, flow, target_t, deadline, state, work, status)
+    type(sweep_t), intent(in) :: sweep               !! the sweep
+    class(oscillator_t), intent(in) :: system        !! the point's oscillator
+    class(flow_t), intent(in) :: flow                !! how it moves
+    real(wp), intent(in) :: target_t                 !! time in a cycle at which recording begins
+    integer(int64), intent(in) :: deadline           !! clock count at which to stop
+    type(hybrid_state_t), intent(inout) :: state     !! state
+    type(work_t), intent(inout) :: work              !! counts
+    integer, intent(out) :: status                   !! status_*
+    type(recorder_t) :: silent
+    call run_to(system, flow, sweep%numerics, max(sweep%settle - 1, 0), target_t, deadline, state, &
+        silent, work, status)
+  end subroutine settle
 
   !> Let a recorder write where the point's results go.
   subroutine point_at_output(sweep, system, line, recorder)

@@ -5,11 +5,11 @@
 !> rest.
 module lapwing_flow_exact_contact
   use lapwing_kinds, only: wp
-  use lapwing_codes, only: drive_flank
+  use lapwing_codes, only: no_flank, drive_flank, coast_flank
   use lapwing_flow_exact_curve, only: scene_t, curve_t, begin_curve, expand_start, expand_fully, &
       is_smooth
   use lapwing_system_oscillation, only: free_motion, free_state, n_taylor
-  use lapwing_flow_exact_flight, only: end_t
+  use lapwing_flow_exact_flight, only: end_t, flight_end
   use lapwing_flow_exact_root_search, only: target_t, first_crossing, quick_return, only_zero
   use lapwing_flow_exact_motion, only: curve_at, rest_after, free_in_middle, contact_series
   use lapwing_flow_exact_interval_bounds, only: widest_level, block_at, last_in_block
@@ -18,7 +18,7 @@ module lapwing_flow_exact_contact
   use lapwing_flow_exact_slow_contact, only: slow_crossing
   implicit none
   private
-  public :: contact_end
+  public :: contact_end, rigid_contact_end
 
   !> Panels over which a free oscillation is carried from one middle to the next. Each adds a
   !> rounding or two of its size: four are a quarter of the 16 EPS that the state at a release may
@@ -81,6 +81,36 @@ contains
       call curve_at(scene, curve, panel, last, at%x, at%v)
     end if
   end subroutine contact_end
+
+  !> When a tooth in rigid contact would be pulled: F - g'' of a series falls to zero. It is the
+  !> flight of a body without force over the flank -g'', seen from there.
+  pure subroutine rigid_contact_end(scene, push, flank, t, stop, found, s)
+    type(scene_t), intent(in) :: scene
+    type(scene_t), intent(in) :: push          !! the flank -g''
+    integer, intent(in) :: flank               !! flank in contact
+    real(wp), intent(in) :: t                  !! cycle time of its beginning
+    real(wp), intent(in) :: stop               !! latest end
+    logical, intent(out) :: found              !! whether it would
+    real(wp), intent(out) :: s                 !! when
+    type(curve_t) :: curve
+    type(end_t) :: at
+    real(wp) :: g(0:max_degree), x, v
+    integer :: touching
+    call scene%flank%taylor(1, t, g)
+    x = scene%force - 2*g(2)
+    v = -6*g(3)
+    touching = no_flank
+    call begin_curve(push, .false., t, 1, x, v, curve)
+    if (flank == drive_flank) then
+      if (x <= 0) touching = coast_flank
+      call flight_end(push, curve, [huge(x), 0.0_wp], touching, stop, at)
+    else
+      if (x >= 0) touching = drive_flank
+      call flight_end(push, curve, [0.0_wp, -huge(x)], touching, stop, at)
+    end if
+    found = at%flank /= no_flank
+    s = at%s
+  end subroutine rigid_contact_end
 
   !> The same in a graded scene. A table's contact stops at the next knot, and no bound of q holds
   !> for longer.

@@ -28,6 +28,7 @@ module lapwing_flow_exact_curve
     class(flank_t), pointer :: flank => null()     !! its motion g, the system's own
     type(closed_form_t) :: form           !! what is computed beforehand
     type(blocks_t) :: blocks              !! and bounded together, where there is much of it
+    real(wp), allocatable :: bend(:)      !! -g''/2 of each piece, where all are parabolas and few
   end type scene_t
 
   !> One arc.

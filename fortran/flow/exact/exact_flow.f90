@@ -6,7 +6,7 @@ module lapwing_flow_exact_exact_flow
   use lapwing_flank_series, only: series_flank_t, make_series_flank, derivative_series
   use lapwing_flow, only: flow_t, arc_t, reached_t, work_t, step_memory_t, listener_t, &
       instant_on, at_stop
-  use lapwing_flow_exact_contact, only: contact_end
+  use lapwing_flow_exact_contact, only: contact_end, rigid_contact_end
   use lapwing_flow_exact_extrema, only: next_turn, farthest_of => farthest
   use lapwing_flow_exact_flight, only: end_t, flight_end, bounce, least_width
   use lapwing_flow_exact_interval_bounds, only: make_blocks
@@ -14,6 +14,8 @@ module lapwing_flow_exact_exact_flow
       expand_over, is_smooth
   use lapwing_flow_exact_motion, only: curve_at, acceleration_at
   use lapwing_flow_exact_panels, only: most_panels
+  use lapwing_flow_exact_piecewise_flights, only: find_bends, flight_over_parabolas, &
+      farthest_over_parabolas
   use lapwing_flow_exact_response, only: make_closed_form, make_form_at_rest
   use lapwing_flow_exact_slow_contact, only: panel_in_contact
   use lapwing_polynomial_evaluation, only: max_degree
@@ -49,6 +51,9 @@ contains
     self%of => system
     self%g_low = system%path%lower_bound()
     call make_scene(system%path, 0.5_wp*system%damping, system%period, self%scene(on_moving), error)
+    if (error == 0 .and. .not. allocated(system%fixed)) then
+      call find_bends(self%scene(on_moving), error)
+    end if
     if (error == 0 .and. allocated(system%fixed)) then
       associate (still => self%scene(on_fixed))
         still%flank => system%fixed
@@ -102,9 +107,8 @@ contains
     class(exact_flow_t), intent(in) :: self
     type(instant_t), intent(in) :: instant       !! where the arc begins
     type(frame_t), intent(inout) :: frame        !! its frame
-    associate (path => self%scene(on_moving)%flank)
-      call open_on_piece(path, locate_piece(path, instant%t, instant%piece), instant, frame)
-    end associate
+    call open_on_piece(self%of%path, locate_piece(self%of%path, instant%t, instant%piece), &
+        instant, frame)
     if (self%scene(on_moving)%form%graded) call stop_at_knot(self, instant, frame)
   end subroutine open_no_flanks
 
@@ -129,24 +133,17 @@ contains
     type(reached_t), intent(inout) :: reached     !! its end
     type(work_t), intent(inout) :: work           !! counts
     integer, intent(out) :: status                !! status_ok
-    type(curve_t) :: curve
     type(end_t) :: at
     status = status_ok
     work%arcs = work%arcs + 1
     if (.not. opened) call open_no_flanks(self, arc%begin, arc%frame)
-    associate (begin => arc%begin)
-      call curve_of_arc(self, begin, arc%frame%piece, curve)
-      reached%chart = begin%chart
-      if (begin%motion_state /= separation) then
-        call contact_end(self%scene(view(self, begin%chart)), curve, begin%motion_state, &
-            begin%touching == begin%motion_state, arc%frame%stop, at)
-      else if (allocated(self%of%fixed)) then
-        call flight_to_standing(self, begin, curve, arc%frame%stop, at, reached%chart)
-      else
-        call flight_end(self%scene(on_moving), curve, walls(self, begin%chart), begin%touching, &
-            arc%frame%stop, at)
-      end if
-    end associate
+    reached%chart = arc%begin%chart
+    if (arc%begin%motion_state == separation .and. allocated(self%scene(on_moving)%bend)) then
+      call flight_over_parabolas(self%scene(on_moving), arc%begin, arc%frame%piece, &
+          walls(self, reached%chart), arc%frame%stop, at)
+    else
+      call end_of_curve(self, arc%begin, arc%frame, at, reached%chart)
+    end if
     reached%flank = at%flank
     reached%s = at%s
     reached%piece = arc%frame%piece
@@ -161,6 +158,26 @@ contains
       reached%flank_velocity = velocity_of(self, at%flank, arc%begin%t + at%s, arc%frame%piece)
     end if
   end subroutine advance
+
+  !> The end of an arc that takes a curve.
+  subroutine end_of_curve(self, begin, frame, at, chart)
+    class(exact_flow_t), intent(in) :: self
+    type(instant_t), intent(in) :: begin         !! where it begins
+    type(frame_t), intent(in) :: frame           !! its frame
+    type(end_t), intent(out) :: at               !! the end
+    integer, intent(inout) :: chart              !! flank that positions refer to; then the end's
+    type(curve_t) :: curve
+    call curve_of_arc(self, begin, chart, frame%piece, curve)
+    if (begin%motion_state /= separation) then
+      call contact_end(self%scene(view(self, chart)), curve, begin%motion_state, &
+          begin%touching == begin%motion_state, frame%stop, at)
+    else if (allocated(self%of%fixed)) then
+      call flight_to_standing(self, begin, curve, frame%stop, at, chart)
+    else
+      call flight_end(self%scene(on_moving), curve, walls(self, chart), begin%touching, &
+          frame%stop, at)
+    end if
+  end subroutine end_of_curve
 
   !> Velocity of a flank.
   pure real(wp) function velocity_of(self, flank, t, guess) result(velocity)
@@ -182,15 +199,18 @@ contains
     view = merge(on_fixed, on_moving, flank == coast_flank .and. allocated(self%of%fixed))
   end function view
 
-  !> The curve of an arc.
-  pure subroutine curve_of_arc(self, instant, piece, curve)
+  !> The curve of an arc seen from a flank.
+  pure subroutine curve_of_arc(self, instant, flank, piece, curve)
     class(exact_flow_t), intent(in) :: self
     type(instant_t), intent(in) :: instant       !! where the arc begins
+    integer, intent(in) :: flank
     integer, intent(in) :: piece                 !! piece of the flank, where to look first
     type(curve_t), intent(inout) :: curve        !! the curve
-    associate (scene => self%scene(view(self, instant%chart)))
+    real(wp) :: y(2)
+    y = state_from(self, instant, flank)
+    associate (scene => self%scene(view(self, flank)))
       call begin_curve(scene, instant%motion_state /= separation, instant%t, &
-          locate_piece(scene%flank, instant%t, piece), instant%y(1), instant%y(2), curve)
+          locate_piece(scene%flank, instant%t, piece), y(1), y(2), curve)
     end associate
   end subroutine curve_of_arc
 
@@ -199,10 +219,8 @@ contains
     class(exact_flow_t), intent(in) :: self
     integer, intent(in) :: chart                 !! flank that positions refer to
     real(wp) :: wall(2)
-    wall = [0.0_wp, least_width]
-    if (self%of%n_flanks == 1) return
-    wall = [0.0_wp, -self%of%width]
-    if (chart == coast_flank) wall = wall + self%of%width
+    wall = [0.0_wp, merge(-self%of%width, least_width, self%of%n_flanks == 2)]
+    if (chart == coast_flank) wall = wall - wall(2)
   end function walls
 
   !> End of a flight between the moving drive flank and a standing coast flank.
@@ -241,7 +259,7 @@ contains
     latest = stop
     call first_descent(c, stop, instant%touching == coast_flank, found, s)
     if (found) latest = s
-    call curve_of_arc(self, from_drive, from_drive%piece, curve)
+    call curve_of_arc(self, from_drive, drive_flank, from_drive%piece, curve)
     call flight_end(self%scene(on_moving), curve, [0.0_wp, least_width], &
         merge(drive_flank, no_flank, instant%touching == drive_flank), latest, at)
     if (at%flank /= no_flank .or. .not. found) return
@@ -259,7 +277,7 @@ contains
     type(frame_t), intent(inout) :: frame        !! without effect
     real(wp), intent(out) :: y(max_states)       !! position and velocity
     type(curve_t) :: curve
-    call curve_of_arc(self, arc%begin, arc%begin%piece, curve)
+    call curve_of_arc(self, arc%begin, arc%begin%chart, arc%begin%piece, curve)
     y = 0
     associate (scene => self%scene(view(self, arc%begin%chart)))
       call expand_fully(scene, curve)
@@ -267,26 +285,20 @@ contains
     end associate
   end subroutine state_at
 
-  !> The curve of an arc seen from a flank.
-  pure subroutine curve_from(self, begin, flank, curve)
+  !> Position and velocity seen from a flank.
+  pure function state_from(self, instant, flank) result(y)
     class(exact_flow_t), intent(in) :: self
-    type(instant_t), intent(in) :: begin         !! where the arc begins
+    type(instant_t), intent(in) :: instant       !! where the tooth is
     integer, intent(in) :: flank
-    type(curve_t), intent(out) :: curve          !! the curve
-    type(instant_t) :: seen
-    real(wp) :: g, slope, sign
-    seen = begin
-    if (begin%chart /= flank) then
-      sign = merge(1.0_wp, -1.0_wp, flank == coast_flank)
-      seen%chart = flank
-      seen%y(1) = seen%y(1) + sign*self%of%width
-      if (allocated(self%of%fixed)) then
-        call self%scene(on_moving)%flank%motion(begin%t, begin%piece, g, slope)
-        seen%y(1:2) = seen%y(1:2) + sign*[g, slope]
-      end if
-    end if
-    call curve_of_arc(self, seen, seen%piece, curve)
-  end subroutine curve_from
+    real(wp) :: y(2), g, slope, sign
+    y = instant%y(1:2)
+    if (instant%chart == flank) return
+    sign = merge(1.0_wp, -1.0_wp, flank == coast_flank)
+    y(1) = y(1) + sign*self%of%width
+    if (.not. allocated(self%of%fixed)) return
+    call self%scene(on_moving)%flank%motion(instant%t, instant%piece, g, slope)
+    y = y + sign*[g, slope]
+  end function state_from
 
   !> Report where an arc comes near a flank, or near release, and turns back.
   subroutine near_turns(self, system, arc, within, listener, work)
@@ -301,7 +313,7 @@ contains
     do flank = drive_flank, self%of%n_flanks
       if (arc%begin%motion_state /= separation .and. arc%begin%motion_state /= flank) cycle
       work%graze_searches = work%graze_searches + 1
-      call curve_from(self, arc%begin, flank, curve)
+      call curve_of_arc(self, arc%begin, flank, arc%begin%piece, curve)
       call expand_fully(self%scene(view(self, flank)), curve)
       call turns_near_flank(self, self%scene(view(self, flank)), system, arc, curve, flank, &
           within, listener)
@@ -353,15 +365,20 @@ contains
     type(work_t), intent(inout) :: work          !! counts
     type(curve_t) :: curve
     work%depth_searches = work%depth_searches + 1
-    call curve_from(self, arc%begin, flank, curve)
     associate (scene => self%scene(view(self, flank)))
+      if (arc%begin%motion_state == separation .and. allocated(scene%bend)) then
+        largest = farthest_over_parabolas(scene, arc%begin%t, locate_piece(scene%flank, &
+            arc%begin%t, arc%frame%piece), state_from(self, arc%begin, flank), -1.0_wp, &
+            arc%length, least)
+        return
+      end if
+      call curve_of_arc(self, arc%begin, flank, arc%begin%piece, curve)
       call expand_over(scene, curve, arc%length)
       largest = farthest_of(scene, curve, -1.0_wp, arc%length, least)
     end associate
   end subroutine farthest
 
-  !> When a tooth in rigid contact would be pulled: F - g'' of a series falls to zero. It is the
-  !> flight of a body without force over the flank -g'', seen from there.
+  !> When a tooth in rigid contact would be pulled.
   subroutine rigid_release(self, system, instant, stop, known, found, s)
     class(exact_flow_t), intent(in) :: self
     class(system_t), intent(in) :: system        !! what moves
@@ -370,28 +387,10 @@ contains
     logical, intent(out) :: known                !! whether g is a series
     logical, intent(out) :: found                !! whether it is
     real(wp), intent(out) :: s                   !! when
-    type(curve_t) :: curve
-    type(end_t) :: at
-    real(wp) :: g(0:max_degree), x, v
-    integer :: touching
     known = is_smooth(self%scene(on_moving)%flank)
     found = .false.
     s = stop
-    if (.not. known) return
-    call self%scene(on_moving)%flank%taylor(1, instant%t, g)
-    x = self%scene(on_moving)%force - 2*g(2)
-    v = -6*g(3)
-    touching = no_flank
-    if (instant%motion_state == drive_flank) then
-      if (x <= 0) touching = coast_flank
-      call begin_curve(self%push, .false., instant%t, 1, x, v, curve)
-      call flight_end(self%push, curve, [huge(x), 0.0_wp], touching, stop, at)
-    else
-      if (x >= 0) touching = drive_flank
-      call begin_curve(self%push, .false., instant%t, 1, x, v, curve)
-      call flight_end(self%push, curve, [0.0_wp, -huge(x)], touching, stop, at)
-    end if
-    found = at%flank /= no_flank
-    s = at%s
+    if (known) call rigid_contact_end(self%scene(on_moving), self%push, instant%motion_state, &
+        instant%t, stop, found, s)
   end subroutine rigid_release
 end module lapwing_flow_exact_exact_flow

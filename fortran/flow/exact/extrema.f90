@@ -4,7 +4,7 @@ module lapwing_flow_exact_extrema
   use lapwing_flow_exact_curve, only: scene_t, curve_t, is_smooth
   use lapwing_flow_exact_motion, only: curve_at, curve_taylor, fly_from, flight_series, &
       flight_bound
-  use lapwing_flow_exact_piecewise_extrema, only: farthest_over_pieces
+  use lapwing_flow_exact_piecewise_flights, only: farthest_over_pieces
   use lapwing_flow_exact_interval_bounds, only: widest_level, block_at, last_in_block
   use lapwing_flow_exact_panels, only: locate_panel, free_size
   use lapwing_flow_exact_root_search, only: first_turn

@@ -1,14 +1,21 @@
-!> How far a flight goes over table pieces, or over a flank that stands.
-module lapwing_flow_exact_piecewise_extrema
+!> How far a flight goes over table pieces, or over a flank that stands. Where the pieces are
+!> parabolas all, and few, also where it ends: nothing but the bend of each enters, since position
+!> and velocity are relative to the flank.
+module lapwing_flow_exact_piecewise_flights
   use lapwing_kinds, only: wp
+  use lapwing_codes, only: no_flank, drive_flank, coast_flank
+  use lapwing_flank_table, only: te_table_t
   use lapwing_flow_exact_curve, only: scene_t, curve_t
+  use lapwing_flow_exact_flight, only: end_t
   use lapwing_flow_exact_motion, only: fly_to_knot, flight_on_piece, flight_bound
   use lapwing_flow_exact_interval_bounds, only: widest_level, block_at, last_in_block
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, bernstein_on, largest
-  use lapwing_polynomial_roots, only: raise_to_largest, raise_to_turn, is_parabola
+  use lapwing_polynomial_roots, only: raise_to_largest, raise_to_turn, raise_to_vertex, &
+      is_parabola, parabola_descent
+  use lapwing_system, only: instant_t
   implicit none
   private
-  public :: farthest_over_pieces
+  public :: farthest_over_pieces, find_bends, flight_over_parabolas, farthest_over_parabolas
 
 contains
 
@@ -132,4 +139,95 @@ contains
     if (found) return
     call raise_to_largest(c, length, most)
   end subroutine raise_on_piece
-end module lapwing_flow_exact_piecewise_extrema
+
+  !> The bend of each piece of a scene's flank, where all are parabolas and no blocks of them are
+  !> bounded together.
+  pure subroutine find_bends(scene, error)
+    type(scene_t), intent(inout) :: scene      !! its flank and its blocks are known
+    integer, intent(out) :: error              !! 0, or there is no memory for them
+    error = 0
+    select type (flank => scene%flank)
+    type is (te_table_t)
+      if (scene%blocks%pieces%levels > 0 .or. any(flank%coefficient(3:, :) /= 0)) return
+      allocate (scene%bend(flank%n), stat=error)
+      if (error == 0) scene%bend(:) = -flank%coefficient(2, :)
+    end select
+  end subroutine find_bends
+
+  !> How a flight over parabolas ends, by formula.
+  pure subroutine flight_over_parabolas(scene, begin, first, wall, stop, at)
+    type(scene_t), intent(in) :: scene         !! its bends are known
+    type(instant_t), intent(in) :: begin       !! where the flight begins
+    integer, intent(in) :: first               !! piece that holds its time
+    real(wp), intent(in) :: wall(2)            !! positions of the flanks
+    real(wp), intent(in) :: stop               !! latest end
+    type(end_t), intent(out) :: at             !! the end
+    real(wp) :: x, v, bend, from, to, s, root
+    integer :: piece, left
+    logical :: found
+    x = begin%y(1)
+    v = begin%y(2)
+    from = 0
+    piece = first
+    left = begin%touching
+    do
+      bend = scene%bend(piece) + 0.5_wp*scene%force
+      to = min(scene%flank%knot(piece + 1) - begin%t, stop)
+      s = to - from
+      call parabola_descent([merge(0.0_wp, wall(1) - x, left == drive_flank), -v, -bend], s, &
+          left == drive_flank, found, root)
+      if (found) then
+        at%flank = drive_flank
+        s = root
+      end if
+      call parabola_descent([merge(0.0_wp, x - wall(2), left == coast_flank), v, bend], s, &
+          left == coast_flank, found, root)
+      if (found) then
+        at%flank = coast_flank
+        s = root
+      end if
+      x = (bend*s + v)*s + x
+      v = 2*bend*s + v
+      if (at%flank /= no_flank .or. to >= stop .or. piece == scene%flank%n) exit
+      left = no_flank
+      from = to
+      piece = piece + 1
+      ! Off kinks the jump is rounding, but left out it would add up to a mean force.
+      v = v - scene%flank%slope_jump(piece)
+    end do
+    at%s = merge(stop, from + s, at%flank == no_flank)
+    at%x = x
+    at%v = v
+  end subroutine flight_over_parabolas
+
+  !> Largest sign*x over such a flight, if it exceeds `least`; else `least`.
+  pure real(wp) function farthest_over_parabolas(scene, t, first, y, sign, until, least) &
+      result(most)
+    type(scene_t), intent(in) :: scene         !! its bends are known
+    real(wp), intent(in) :: t                  !! cycle time of the flight's beginning
+    integer, intent(in) :: first               !! piece that holds it
+    real(wp), intent(in) :: y(2)               !! position and velocity then
+    real(wp), intent(in) :: sign               !! +1: the largest x, -1: the smallest
+    real(wp), intent(in) :: until              !! end of the flight
+    real(wp), intent(in) :: least              !! value known already
+    real(wp) :: x, v, bend, from, to, s
+    integer :: piece
+    x = y(1)
+    v = y(2)
+    most = least
+    from = 0
+    piece = first
+    do
+      bend = scene%bend(piece) + 0.5_wp*scene%force
+      to = min(scene%flank%knot(piece + 1) - t, until)
+      s = to - from
+      call raise_to_vertex(sign*[x, v, bend], s, most)
+      if (to >= until .or. piece == scene%flank%n) return
+      x = (bend*s + v)*s + x
+      v = 2*bend*s + v
+      from = to
+      piece = piece + 1
+      v = v - scene%flank%slope_jump(piece)
+    end do
+  end function farthest_over_parabolas
+end module lapwing_flow_exact_piecewise_flights
