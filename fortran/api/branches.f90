@@ -4,7 +4,7 @@ module lapwing_api_branches
   use lapwing_branch_bordered, only: solve_bordered, once_round
   use lapwing_branch_chatter, only: ball_t, bounces_of
   use lapwing_branch_curve, only: curve_t, curve_of
-  use lapwing_branch_equations, only: equations_of
+  use lapwing_branch_equations, only: motion_t, equations_of
   implicit none
   private
   public :: motion_equations, solve_bordered, trace_and_det, bounces_between
@@ -23,9 +23,12 @@ contains
     real(c_double), contiguous, intent(in) :: z(:)                    !! (2 n) or more
     real(c_double), contiguous, intent(inout) :: residual(:, :)       !! (2, n)
     real(c_double), contiguous, intent(inout) :: blocks(:, :, :, :)   !! (2, 2, n, 2)
-    call equations_of(curve_of(reals(1), knots, g, edges, q, first, terms), &
-        ball_of(reals, choices), reals(5), choices(2) /= 0, choices(3) /= 0, choices(4), reals(6), &
-        layout, reals(7:), z, residual, blocks(:, :, :, 1), blocks(:, :, :, 2))
+    type(motion_t) :: motion
+    motion = motion_t(curve_of(reals(1), knots, g, edges, q, first, terms), &
+        ball_of(reals, choices), xi=reals(5), absolute=choices(2) /= 0, struck=choices(3) /= 0, &
+        cycles=choices(4), scale=reals(6))
+    call equations_of(motion, layout, reals(7:), z, residual, blocks(:, :, :, 1), &
+        blocks(:, :, :, 2))
   end subroutine motion_equations
 
   !> Trace, determinant and rank of the map once round.

@@ -164,7 +164,7 @@ contains
     real(wp), intent(in) :: known(0:5) !! `derivatives` at t
     real(wp), intent(in) :: s          !! tau, positive
     logical, intent(in) :: crossed     !! whether the flank is that of each piece
-    real(wp) :: left, here, width, slope, total, d(0:5)
+    real(wp) :: left, here, width, slope, total, d(0:5), gain(2)
     integer :: at, j, round
     if (self%pieces == 0) then
       bend = 0
@@ -176,7 +176,8 @@ contains
       return
     end if
     if (.not. crossed) then
-      bend = taylor(known, s)/s
+      gain = gained(known, s)
+      bend = gain(1)/s
       return
     end if
     left = s
@@ -189,36 +190,31 @@ contains
       width = (piece_begin(self, at + 1) - here)*self%period
       if (width >= left) exit
       ! What is gained on this piece beyond the tangent at t, and by how much the slope is larger.
-      total = total + slope*width + taylor(d, width)
-      slope = slope + slope_gain(d, width)
+      gain = gained(d, width)
+      total = total + slope*width + gain(1)
+      slope = slope + gain(2)
       at = at + 1
       here = piece_begin(self, at)
       d = derivatives(self, here, at)
       left = left - width
     end do
-    bend = (total + slope*left + taylor(d, left))/s
+    gain = gained(d, left)
+    bend = (total + slope*left + gain(1))/s
   end function rise
 
-  pure real(wp) function taylor(d, s) result(value)
+  !> What a piece gains in some time beyond its tangent, and by how much its slope does.
+  pure function gained(d, s) result(gain)
     real(wp), intent(in) :: d(0:5)     !! derivatives
     real(wp), intent(in) :: s          !! time
+    real(wp) :: gain(2), term
     integer :: k
-    value = 0
+    gain = 0
     do k = 5, 2, -1
-      value = (value + d(k)*over_factorial(k))*s
+      term = d(k)*over_factorial(k)
+      gain = (gain + [term, term*k])*s
     end do
-    value = value*s
-  end function taylor
-
-  pure real(wp) function slope_gain(d, s) result(value)
-    real(wp), intent(in) :: d(0:5)     !! derivatives
-    real(wp), intent(in) :: s          !! time
-    integer :: k
-    value = 0
-    do k = 5, 2, -1
-      value = (value + d(k)*over_factorial(k)*k)*s
-    end do
-  end function slope_gain
+    gain(1) = gain(1)*s
+  end function gained
 
   !> Real part of a turning term times e**ix - 1 - ix.
   pure real(wp) function series_rise(turned, x) result(value)
