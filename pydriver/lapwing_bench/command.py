@@ -49,6 +49,18 @@ def run_bench(scenes, methods, *, full, repeats, out, command):
     return path
 
 
+def show_calls():
+    """Measure what a user calls, and print it."""
+    from lapwing_bench import public_calls, report
+
+    say, costs = _Teller(), []
+    for line in public_calls.lines():
+        say(line.name)
+        costs.append(public_calls.measured(line))
+    say.close()
+    report.show_tables([public_calls.table(costs)])
+
+
 def report_on(source, out, page):
     """Print the tables of a result file, draw its figure, write the page if wanted.
 

@@ -23,6 +23,9 @@ def bench(scene: Annotated[list[str], typer.Option(
           = Path("results/bench"),
           page: Annotated[Path | None, typer.Option(
               metavar="FILE.md", help="write the report as a page, its figure beside it")] = None,
+          calls: Annotated[bool, typer.Option(
+              "--calls", help="only what a user's own calls take and what of it is outside the "
+              "engine; half a minute")] = False,
           source: Annotated[Path | None, typer.Option(
               "--from", metavar="BENCH.nc", help="report on stored numbers, measure nothing")]
           = None):
@@ -37,10 +40,14 @@ def bench(scene: Annotated[list[str], typer.Option(
       lapwing bench
       lapwing bench --scene S2 --scene A --method rk4 --method "numba DOPRI5"
       lapwing bench --full --page docs/speed-and-error.md
+      lapwing bench --calls
       lapwing bench --from results/bench/bench.nc
     """  # noqa: D301
-    from lapwing_bench.command import BenchError, report_on, run_bench
+    from lapwing_bench.command import BenchError, report_on, run_bench, show_calls
 
+    if calls:
+        show_calls()
+        return
     command = "lapwing bench " + " ".join(shlex.quote(word) for word in sys.argv[2:])
     try:
         if source is None:

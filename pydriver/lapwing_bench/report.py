@@ -183,24 +183,29 @@ def _scene(name, dataset):
 
 def show(datasets, attributes):
     """Print the tables on the terminal."""
+    console = show_tables(tables(datasets))
+    for name in not_installed():
+        console.print(f"{name}: not installed")
+    console.print(f"{attributes['machine']}; {attributes['date']}")
+
+def show_tables(tables):
+    """Print some tables on the terminal; the console that they were printed on."""
     from rich import box
     from rich.console import Console
     from rich.table import Table as RichTable
 
     console = Console()
     console = Console(width=max(console.width, WIDTH))
-    for table in tables(datasets):
+    for table in tables:
         rich = RichTable(title=table.heading, title_justify="left", box=box.SIMPLE_HEAD,
                          padding=(0, 1, 0, 0), caption=table.words, caption_justify="left")
-        texts = {"scene", "method", "sweep"}
+        texts = {"scene", "method", "sweep", "call"}
         for column in table.header:
             rich.add_column(column, justify="left" if column in texts else "right", no_wrap=True)
         for row in table.rows:
             rich.add_row(*row)
         console.print(rich)
-    for name in not_installed():
-        console.print(f"{name}: not installed")
-    console.print(f"{attributes['machine']}; {attributes['date']}")
+    return console
 
 
 def _tolerance(line):

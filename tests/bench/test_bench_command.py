@@ -5,7 +5,7 @@ import pytest
 from typer.testing import CliRunner
 
 from lapwing.cli import app
-from lapwing_bench import measure, rivals, store, whole_calls
+from lapwing_bench import measure, public_calls, rivals, store, whole_calls
 
 RUN = ["bench", "--scene", "S4", "--method", "exact", "--method", "rk4", "--method",
        "SciPy DOP853"]
@@ -64,6 +64,20 @@ def test_whole_calls_are_measured_at_the_setting_that_is_right(outcome):
     assert len(settings) == 2 and data["method"].values[settings].tolist() == ["exact", "rk4"]
     assert np.nanmedian(data["error"].values[settings[1], :, 0]) <= whole_calls.CALL_ERROR
     assert np.all(np.isnan(calls[settings[1], 1]))
+
+
+def test_calls_alone_are_measured_by_the_processor(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(public_calls, "MOST_CALLS", 3)
+    monkeypatch.setattr(public_calls, "SWEEPS", ((4, 0, 2),))
+    result = CliRunner().invoke(app, ["bench", "--calls"])
+    assert result.exit_code == 0, result.output
+    for word in ("Public calls", "simulate, prepared", "sweep S1, 4 × 2, 2 threads"):
+        assert word in result.output
+    assert not list(tmp_path.iterdir())
+    for line in public_calls.lines():
+        cost = public_calls.measured(line)
+        assert np.all(cost.outside > 0) and np.all(cost.outside < cost.processor)
 
 
 def test_the_terminal_and_the_page_show_the_tables(outcome):

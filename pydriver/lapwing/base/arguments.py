@@ -310,6 +310,9 @@ def reals(name: str, value: object, *, ndim: int | None = None, empty: bool = Fa
     empty : whether it may hold nothing
     largest : largest magnitude
     """
+    if type(value) is np.ndarray and value.dtype == float and value.size \
+            and ndim in (None, value.ndim) and -largest <= value.min() and value.max() <= largest:
+        return np.array(value, order="C")
     expected = "an array of finite numbers" if ndim is None else \
         f"an array of {ndim} dimension{'s' * (ndim > 1)} of finite numbers"
     if np.ma.isMaskedArray(value) and np.any(np.ma.getmaskarray(value)):

@@ -58,8 +58,8 @@ def common_method(points: Any, numerics: Numerics) -> str:
     for osc, which in points.by_curve():
         ratio, damping = points.mesh_frequency_ratio[which], points.damping_ratio[which]
         # Neither forces nor anything else but these matter here.
-        if ratio.size and np.all(ratio == ratio[0]) and np.all(damping == damping[0]):
-            ratio, damping = ratio[0], damping[0]
+        if ratio.size and ratio.min() == ratio.max() and damping.min() == damping.max():
+            ratio, damping = float(ratio[0]), float(damping[0])
         if np.any(_steps(osc, ratio, damping, numerics)):
             return "rk4"
     return "exact"
@@ -82,9 +82,11 @@ def _steps(osc: Oscillator, ratio: Any, damping: Any, numerics: Numerics) -> Any
     if numerics.method == "rk4" or osc.degrees_of_freedom == 2:
         return np.True_
     amplified = _amplified(osc, ratio, damping)
+    lost = amplified > MOST_AMPLIFIED
+    if not np.any(lost):
+        return lost
     span = 2 * np.pi / ratio * np.maximum(1.0, 2 * damping)
-    graded = (span > GRADED_SPAN) & (not series_is_taken(osc.te))
-    lost = (amplified > MOST_AMPLIFIED) & ~graded
+    lost = lost & ~((span > GRADED_SPAN) & (not series_is_taken(osc.te)))
     if numerics.method == "auto" or not np.any(lost):
         return lost
     raise ValueError(f"method = 'exact': so near to an undamped resonance (amplification "

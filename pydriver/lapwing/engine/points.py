@@ -98,8 +98,10 @@ class Points:
     @property
     def peak_to_peak(self) -> NDArray[np.float64]:
         """Greatest less least g, rad; as of the oscillators one by one."""
-        low, high = np.array([te.extrema for te in self.curves], dtype=float)[self.curve].T
-        found: NDArray[np.float64] = np.abs(self.flank_scale * high - self.flank_scale * low)
+        scale = self.flank_scale
+        low, high = self.curves[0].extrema if len(self.curves) == 1 else \
+            np.array([te.extrema for te in self.curves], dtype=float)[self.curve].T
+        found: NDArray[np.float64] = np.abs(scale * high - scale * low)
         return found
 
     @property

@@ -99,6 +99,8 @@ class _Tables(NamedTuple):
 
     def forget_unfinished(self) -> None:
         """Nothing is known of points left where they were, at an interruption or without memory."""
+        if not self.outcome[0].any():  # all are OK
+            return
         left = (self.outcome[0] == Status.UNFINISHED) | (self.outcome[0] == Status.OUT_OF_MEMORY)
         if np.any(left):
             for one in (self.cycles, self.tangent):

@@ -39,6 +39,7 @@ def test_it_is_what_the_constructor_makes(made):
     assert set(made.coords) == set(other.coords) and set(made.xindexes) == set(other.xindexes)
     for name, one in made.variables.items():
         assert type(one) is type(other.variables[name]) and one.encoding == {}
+        assert one.dtype == other.variables[name].dtype
 
 
 def test_without_the_short_way_it_is_the_same(made, monkeypatch):

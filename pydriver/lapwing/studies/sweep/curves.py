@@ -105,13 +105,19 @@ def taken_axes(taken: Refusals, te: TransmissionError, given: Mapping[str, Any],
     values, curves = dict[str, Any](), Curves(te)
     for name, one in given.items():
         if name != CURVE:
-            numbers = taken.take(arguments.reals, words or name, one)
-            values[name] = None if numbers is None else np.unique(numbers)
+            values[name] = _rising(taken.take(arguments.reals, words or name, one))
             continue
         named = taken.take(_labelled, words or name, one)
         if named:
             values[name], curves = np.array(list(named)), Curves(te, named)
     return values, curves
+
+
+def _rising(numbers: NDArray[Any] | None) -> NDArray[Any] | None:
+    """Sorted and without repeats, as they mostly are."""
+    if numbers is None or (numbers.ndim == 1 and (numbers[1:] > numbers[:-1]).all()):
+        return numbers
+    return np.unique(numbers)
 
 
 def _labelled(name: str, given: Any) -> dict[str, TransmissionError]:

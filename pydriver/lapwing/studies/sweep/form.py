@@ -1,11 +1,12 @@
-"""The Dataset of a sweep, its form kept for the next sweep that has the same.
+"""Datasets of sweeps and runs, their form kept for the next one that has the same.
 
-To check names, dimensions and coordinates against each other, and to make an index, takes longer
-than the engine takes for a small sweep.
+To check names, dimensions and coordinates against each other takes longer than the engine takes for
+a short run.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -17,53 +18,57 @@ from lapwing.base.quantities import worded
 if TYPE_CHECKING:
     import xarray as xr
 
-# Forms and coordinates kept.
-MOST_KEPT = 16
+# Forms kept.
+MOST_KEPT = 32
 # What xarray itself makes a Dataset by whose parts fit together; it is not promised to stay.
 SHORT_WAY = "_construct_direct"
+Columns = Mapping[str, tuple[tuple[str, ...], NDArray[Any]]]
 
 
-def dataset(data: dict[str, tuple[Any, NDArray[Any]]], starts: tuple[str, ...], parameter: str,
-            values: NDArray[Any], attrs: dict[str, Any]) -> xr.Dataset:
-    """Dataset over `start` and the parameter, its variables with units and long names.
+def dataset(data: Columns, coords: Columns, attrs: dict[str, Any]) -> xr.Dataset:
+    """Dataset of arrays that fit together, its variables with units and long names.
 
     Parameters
     ----------
-    data : name -> (dimensions, array)
-    starts, values : coordinates of `start` and of the parameter
+    data, coords : name -> (dimensions, array), the arrays as long as each other in a dimension; a
+        coordinate over the dimension of its name is an index
     attrs : attributes of the whole
     """
     import xarray as xr
 
-    columns = tuple((name, dims if isinstance(dims, tuple) else (dims,), array.shape, array.dtype)
-                    for name, (dims, array) in data.items())
-    form, coords = _form(columns), _coords(starts, parameter, values.tobytes(), values.dtype)
-    variables = {name: xr.Variable(one.dims, data[str(name)][1], one.attrs, fastpath=True)
-                 for name, one in form.variables.items()}
-    variables |= {name: one.copy(deep=False) for name, one in coords.variables.items()}
+    form = _form(tuple((name, dims, array.dtype) for name, (dims, array) in data.items()),
+                 tuple((name, dims, array.dtype) for name, (dims, array) in coords.items()))
+    variables, sizes, indexes = dict[Any, Any](), dict[Any, int](), dict[Any, Any]()
+    for (name, words), (dims, array) in zip(form, (*data.values(), *coords.values()), strict=True):
+        if dims == (name,):
+            indexes[name] = xr.indexes.PandasIndex(array, name) if array.dtype.kind != "U" \
+                else _labels(array.tobytes(), array.dtype, name)
+            variables[name] = indexes[name].create_variables()[name]
+            variables[name].attrs = words
+        else:
+            variables[name] = xr.Variable(dims, array, words, fastpath=True)
+        sizes.update(zip(dims, array.shape, strict=True))
     directly = getattr(xr.Dataset, SHORT_WAY, None)
     if directly is None:
-        return xr.Dataset(variables, attrs=attrs)
-    made: xr.Dataset = directly(variables, set(coords.variables), {**coords.sizes, **form.sizes},
-                                attrs, dict(coords.xindexes))
+        return xr.Dataset(variables, attrs=attrs).set_coords(list(coords))
+    made: xr.Dataset = directly(variables, set(coords), sizes, attrs, indexes)
     return made
 
 
 @lru_cache(maxsize=MOST_KEPT)
-def _form(columns: tuple[tuple[str, tuple[str, ...], tuple[int, ...], np.dtype[Any]], ...]
-          ) -> xr.Dataset:
-    """Variables without data: zeros that take no memory stand for them."""
+def _form(*columns: tuple[tuple[str, tuple[str, ...], np.dtype[Any]], ...]
+          ) -> list[tuple[str, dict[str, Any]]]:
+    """Name and attributes of each variable; a Dataset of one value of each has been made."""
     import xarray as xr
 
-    return worded(xr.Dataset({name: (dims, np.broadcast_to(np.zeros((), dtype), shape))
-                              for name, dims, shape, dtype in columns}))
+    made = worded(xr.Dataset(*({name: (dims, np.zeros((1,) * len(dims), dtype))
+                                for name, dims, dtype in part} for part in columns)))
+    return [(name, made.variables[name].attrs) for part in columns for name, _, _ in part]
 
 
 @lru_cache(maxsize=MOST_KEPT)
-def _coords(starts: tuple[str, ...], parameter: str, values: bytes,
-            kind: np.dtype[Any]) -> xr.Dataset:
-    """Coordinates alone."""
+def _labels(text: bytes, kind: np.dtype[Any], name: str) -> Any:
+    """Index of labels."""
     import xarray as xr
 
-    return worded(xr.Dataset(coords={"start": list(starts),
-                                     parameter: np.frombuffer(values, kind)}))
+    return xr.indexes.PandasIndex(np.frombuffer(text, kind), name)

@@ -16,7 +16,7 @@ from lapwing.base.codes import EventKind, Status
 from lapwing.base.quantities import CURVE, NUMBERS, worded
 from lapwing.base.threads import checked_threads, usable_threads
 from lapwing.engine import Wanted, chosen, numbers, work_counts
-from lapwing.engine.records import CLASS, CYCLE, IMPACT_TABLE, STROBED
+from lapwing.engine.records import CLASS, CYCLE, IMPACT_TABLE, OUTCOME_TABLE, STROBED
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.transmission_error import TransmissionError
 from lapwing.studies import mean_rotation
@@ -26,7 +26,7 @@ from lapwing.studies.stability import CycleMaps, findings, growth
 from lapwing.studies.sweep.curves import taken_axes
 from lapwing.studies.sweep.form import dataset
 from lapwing.studies.sweep.shards import SweepJob
-from lapwing.studies.sweep.varied import Varied, parameters
+from lapwing.studies.sweep.varied import MOST_KEPT, Varied, parameters
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -177,8 +177,7 @@ def dataset_of(job: SweepJob, result: SweepResult,
     """What `sweep` returns, from the tables of all points and what they went on for."""
     wanted, oscillators = job.wanted, job.oscillators
     data = _dataset(result, oscillators, job.parameter, job.values, job.starts, wanted, job.phase,
-                    settings(oscillators.shared, job.numerics, pair=job.pair,
-                             varied=(job.parameter,)) | {
+                    _settings(job) | {
                         "method": result.method, "settle": job.settle, "record": job.record,
                         "interrupted": int(result.interrupted),
                         **({"max_impacts": job.max_impacts} if wanted.impacts else {})})
@@ -194,6 +193,17 @@ def dataset_of(job: SweepJob, result: SweepResult,
         data = data.assign_coords(order=orders(further["order_spectrum"].shape[1])).assign(
             mesh_frequency_ratio=(by_point[1], [osc.mesh_frequency_ratio for osc in oscillators]))
     return worded(data)
+
+
+def _settings(job: SweepJob) -> dict[str, Any]:
+    """`settings`, kept with the oscillator, which is one pair's."""
+    osc, key = job.oscillators.shared, ("settings", job.numerics, job.parameter)
+    if key not in osc.kept:
+        if len(osc.kept) >= MOST_KEPT:
+            osc.kept.clear()
+        osc.kept[key] = settings(osc, job.numerics, pair=job.pair, varied=(job.parameter,))
+    found: dict[str, Any] = osc.kept[key]
+    return found
 
 
 def _check(pair: GearPair, te: TransmissionError, parameter: str, values: Any,
@@ -254,12 +264,13 @@ def _dataset(result: SweepResult, oscillators: Varied, parameter: str,
     outcome = result.outcome.reshape(shape)
     data: dict[str, Any] = {
             "status": (by_point, outcome["status"].astype(np.int8)),
-            "force": (parameter, oscillators.points.force)}
+            "force": ((parameter,), oscillators.points.force)}
     tables = result.cycles.reshape(*shape, *result.cycles.shape[1:])
     for name in list(CYCLE)[1:] if wanted.cycles else STROBED:
         data[name] = ((*by_point, "recorded_cycle"), tables[name])
     if wanted.cycles:
-        data["period"] = (by_point, np.nan_to_num(outcome["period"]).astype(np.int16))
+        period = np.where(np.isnan(outcome["period"]), NO_PERIOD, outcome["period"])
+        data["period"] = (by_point, period.astype(np.int16))
         data["motion_class"] = (by_point, _classes(outcome))
     data |= mean_rotation.by_point(oscillators, result.cycle_means, shape, by_point)
     if wanted.tangent:
@@ -270,10 +281,15 @@ def _dataset(result: SweepResult, oscillators: Varied, parameter: str,
     attrs = {**attrs, "phase": phase} | {f"work_{name}": count for name, count in work.items()}
     if wanted.speed_edges:
         data |= _speeds(result, shape, by_point, attrs["record"])
-    made = dataset(data, starts, parameter, values, attrs)
+    made = dataset(data, {"start": (("start",), np.array(starts)),
+                          parameter: ((parameter,), values)}, attrs)
     if wanted.speed_edges:
         made = made.assign_coords(speed_edge=("speed_edge", list(wanted.speed_edges)))
     return made
+
+
+# Columns of the outcome that a class follows from.
+_IN_OUTCOME = [(OUTCOME_TABLE.names or ()).index(name) for name in ("status", *CLASS)]
 
 
 def _total(rows: NDArray[Any]) -> NDArray[Any]:
@@ -284,14 +300,13 @@ def _total(rows: NDArray[Any]) -> NDArray[Any]:
 
 def _classes(outcome: Any) -> NDArray[Any]:
     """Class of each point, `period.motion_class`, as array of text."""
-    rows = np.stack([outcome[name] for name in ("status", *CLASS)], axis=-1)
-    rows = rows.reshape(-1, 1 + len(CLASS))
+    rows = numbers(outcome.reshape(-1))[:, _IN_OUTCOME]
     rows[np.isnan(rows)] = 0
     rows[rows[:, 1] == NO_PERIOD, 2:4] = 0
     # Neighbours mostly move alike.
-    first = np.flatnonzero(np.append(True, (rows[1:] != rows[:-1]).any(axis=1)))
+    first = [0, *(np.flatnonzero((rows[1:] != rows[:-1]).any(axis=1)) + 1).tolist()]
     found = np.array([_class(*row) for row in rows[first].tolist()])
-    return np.repeat(found, np.diff(first, append=len(rows))).reshape(outcome.shape)
+    return np.repeat(found, np.diff([*first, len(rows)])).reshape(outcome.shape)
 
 
 def _class(status: float, period: float, arrivals: float, back_arrivals: float,
@@ -361,8 +376,8 @@ def _impacts(result: SweepResult, oscillators: Varied, shape: tuple[int, int],
     period = np.tile(2 * np.pi / oscillators.points.mesh_frequency_ratio, shape[0])
     met = np.nan_to_num(result.outcome["logged"]).reshape(shape).astype(np.int64)
     flank = np.where(log["kind"] == EventKind.IMPACT, 1, 2).astype(np.int8)
-    return {"impact_phase": ("impact", log["t"] / np.repeat(period, kept)),
-            "impact_velocity": ("impact", log["velocity_before"].copy()),
-            "impact_flank": ("impact", flank),
+    return {"impact_phase": (("impact",), log["t"] / np.repeat(period, kept)),
+            "impact_velocity": (("impact",), log["velocity_before"].copy()),
+            "impact_flank": (("impact",), flank),
             "first_impact": (by_point, (np.cumsum(kept) - kept).reshape(shape)),
             "kept_impacts": (by_point, kept.reshape(shape)), "n_impacts": (by_point, met)}

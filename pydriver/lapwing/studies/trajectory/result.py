@@ -18,6 +18,7 @@ from lapwing.engine import TrajectoryCall, Wanted
 from lapwing.engine.records import CYCLE, CYCLE_REALS, EVENT, MEAN
 from lapwing.model.oscillator import Oscillator
 from lapwing.studies.labels import settings
+from lapwing.studies.sweep.form import dataset
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -114,12 +115,12 @@ class Run(Shown):
     @cached_property
     def events(self) -> Any:
         """Built when it is first asked for, as `cycles` is."""
-        return _event_dataset(self._call.events, self).assign_attrs(self.attrs)
+        return _event_dataset(self._call.events, self)
 
     @cached_property
     def cycles(self) -> Any:
         """Statistics of each cycle, also of one in which the run began or ended."""
-        return _cycle_dataset(self._call, self._first_seen).assign_attrs(self.attrs)
+        return _cycle_dataset(self._call, self)
 
     def _facts(self) -> dict[str, object]:
         """What tells one from another, in words."""
@@ -165,41 +166,38 @@ def tau_of(cycle: Any, t: Any, phase0: float, period: float) -> Any:
 
 
 def _event_dataset(events: NDArray[Any], run: Run) -> xr.Dataset:
-    import xarray as xr
-
     period = run.oscillator.period
     tau = tau_of(events["cycle"], events["t"], run.final._origin[1], period)
     data = {"tau": tau, "cycle": events["cycle"].astype(np.int64), "phase": events["t"] / period,
             "kind": events["kind"].astype(np.int8)}
     data |= {name: events[name].copy() for name in list(EVENT)[3:]}
-    return worded(xr.Dataset({name: ("event", values) for name, values in data.items()},
-                             _times("event", tau, run.oscillator)))
+    return dataset({name: (("event",), values) for name, values in data.items()},
+                   _times("event", tau, run.oscillator), dict(run.attrs))
 
 
 def _times(dim: str, tau: NDArray[Any], osc: Oscillator) -> dict[str, Any]:
     """The same instants in seconds, where the oscillator knows its units."""
     if osc.scales is None:
         return {}
-    return {"time": (dim, tau / osc.scales.natural_frequency)}
+    return {"time": ((dim,), tau / osc.scales.natural_frequency)}
 
 
-def _cycle_dataset(call: TrajectoryCall, first_seen: bool) -> xr.Dataset:
+def _cycle_dataset(call: TrajectoryCall, run: Run) -> xr.Dataset:
     """Cycles from end to end, and the one in which the run ended; the first may lack a part."""
-    import xarray as xr
-
     cycles = np.append(call.cycles, call.unfinished)
     complete = np.arange(len(cycles)) < len(call.cycles)
-    complete[:1] &= first_seen
-    data = {name: ("cycle", cycles[name].copy() if name in CYCLE_REALS
-                   else cycles[name].astype(np.int64)) for name in CYCLE}
+    complete[:1] &= run._first_seen
+    data: dict[str, Any] = {
+        name: (("cycle",), cycles[name].copy() if name in CYCLE_REALS
+               else cycles[name].astype(np.int64)) for name in CYCLE}
     if call.cycle_means is not None and call.unfinished_means is not None:
         data |= _mean_columns("cycle", np.append(call.cycle_means, call.unfinished_means))
-    data["complete"] = ("cycle", complete)
-    return worded(xr.Dataset(data).set_coords("cycle"))
+    data["complete"] = (("cycle",), complete)
+    return dataset(data, {"cycle": data.pop("cycle")}, dict(run.attrs))
 
 
 def _mean_columns(dim: str, means: NDArray[Any] | None) -> dict[str, Any]:
-    return {name: (dim, means[name].copy()) for name in MEAN} if means is not None else {}
+    return {name: ((dim,), means[name].copy()) for name in MEAN} if means is not None else {}
 
 
 def _history(run: Run, taus: NDArray[Any]) -> xr.Dataset:
