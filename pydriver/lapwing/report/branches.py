@@ -256,7 +256,8 @@ def _curves(data: xr.Dataset) -> str:
     left, lost = int(attrs["curves_left"]), int(attrs["curves_lost"])
     text += f"; {left} more special points were not followed, for there were enough curves" \
         * bool(left)
-    return text + f"; {lost} could not be followed" * bool(lost)
+    why = str(attrs.get("curves_lost_why", ""))
+    return text + f"; {lost} could not be followed" * bool(lost) + f": {why}" * bool(why)
 
 
 def _ranges(data: xr.Dataset) -> list[str]:

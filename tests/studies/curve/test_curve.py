@@ -29,6 +29,13 @@ def ends(found):
     return [one.kind for one in (found.meetings[0], found.meetings[-1])]
 
 
+def check_errors(found, expected, slope, where=True, more=0.0):
+    """What is told of errors holds, across the curve, and says something."""
+    told = found.error + np.abs(slope) * found.second_error + more
+    assert np.all((np.abs(found.values - expected) <= told)[where])
+    assert np.median(told) < 1e-12 and np.all(told[where] < 1e-10)
+
+
 def begun_at(osc, phase, restitution):
     """The orbit with one impact in each mesh cycle, at that phase."""
     speed = -restitution * osc.period * osc.force / (1 + restitution)
@@ -51,7 +58,8 @@ def test_fold_and_doubling_of_the_ball(ball_branch, kind, exact):
     assert found.kind is kind and ends(found) == [Kind.LIMIT, Kind.LIMIT]
     expected = np.array([exact(restitution) for restitution in found.second])
     assert found.values == pytest.approx(expected, rel=1e-12)
-    assert np.all(found.error < 1e-13) and np.all(found.second_error < 1e-13)
+    slope = [(exact(one + 1e-6) - exact(one - 1e-6)) / 2e-6 for one in found.second]
+    check_errors(found, expected, slope)
     # As far as the ranges go, and close enough for a line.
     assert found.second.min() == pytest.approx(0.5) or found.values.max() == pytest.approx(1.4)
     assert np.abs(np.diff(found.second)).max() < 0.03 * 0.4
@@ -83,6 +91,9 @@ def test_grazing_meets_a_fold():
     assert np.abs(along.values - middle) == pytest.approx(height, abs=1e-7)
     far = height > 0.1  # closer to the fold the root magnifies what is left of 1 - sin²
     assert np.abs(along.values - middle)[far] == pytest.approx(height[far], rel=1e-12)
+    slope = 2 * math.pi * saddle_node(along.second) / (1 + along.second)**2 / np.fmax(height, 1e-9)
+    check_errors(along, np.where(along.values > middle, middle + height, middle - height), slope,
+                 far)
     assert (along.values > middle).any() and (along.values < middle).any()
     fold, = [one for one in along.meetings if one.kind is Kind.FOLD]
     assert fold.outcome is Outcome.PERSISTS
@@ -112,6 +123,7 @@ def test_an_impact_at_a_kink():
     along = curve(found, special, make, low=0.5, high=0.7, value=eps)
     expected = 8 * (1 + along.second) / (1 - along.second)
     assert along.values == pytest.approx(expected, rel=1e-12)
+    check_errors(along, expected, 16 / (1 - along.second)**2)
     assert ends(along) == [Kind.LIMIT, Kind.LIMIT]
 
 
@@ -192,6 +204,29 @@ def test_folds_of_a_gear_pair(three_harmonics, second):
     expected = scale * fold.value
     assert found.values == pytest.approx(expected, rel=1e-10)
     assert found.second.min() == pytest.approx(0.8 * own) and found.second.max() > 1.05 * own
+    slope = {"restitution": 2 / 9 / (1 - np.fmin(found.second, 0.99))**2,
+             "pinion_speed_rpm": 2 * ratio / own,
+             "te_scale": np.full(ratio.shape, 1 / own)}[second] * fold.value
+    check_errors(found, expected, slope, more=scale * fold.error)
+
+
+@pytest.mark.full
+def test_a_release_is_lost_where_the_curve_says():
+    """Compliant: a branch at another damping loses its release on the curve, to 1e-11."""
+    def make(torque, damping=0.1):
+        return replace(scene_a(torque, "relative", contact_law="compliant"), damping_ratio=damping)
+
+    found = branch(find_orbit(make(6.2), settle=400), "brake_torque", low=6.0, high=7.0)
+    special, = found.of_kind(Kind.RELEASE)
+    along = curve(found, special, "damping_ratio", low=0.095, high=0.1)
+    assert along.kind is Kind.RELEASE and Kind.LIMIT in ends(along)
+    k = int(np.argmin(along.second))
+    value, damping = along.values[k], along.second[k]
+    other = branch(find_orbit(make(value - 0.3, damping), settle=400),
+                   lambda torque: make(torque, damping), value=value - 0.3, low=6.0, high=7.0)
+    one, = other.of_kind(Kind.RELEASE)
+    assert one.value == pytest.approx(value, rel=1e-11)
+    assert abs(one.value - value) <= one.error + along.error[k] + 100 * along.second_error[k]
 
 
 @pytest.mark.full

@@ -10,6 +10,8 @@ from lapwing.plots.branch.curves import add_curves
 from lapwing.report.branches import branches_text
 from lapwing.results import read_results
 from lapwing.run import run_deck
+from lapwing.studies.curve import table
+from lapwing.studies.of_deck import compute
 
 TEXT = """
 &gear_pair
@@ -77,6 +79,32 @@ def test_it_is_drawn_alone_and_over_a_map(results):
     handles = add_curves(axis, data, "brake_torque")
     assert len(handles) == 1
     assert np.array_equal(axis.lines[-1].get_xdata(), data["curve_value"].values)
+
+
+def test_what_is_followed_outlives_its_process(path, results, tmp_path, monkeypatch):
+    """Curves are kept with the branches; one that cannot be followed is told with its reason."""
+    deck, parts = load_deck(path), []
+
+    def run():
+        found = compute(deck, 1, lambda *_: parts.append, folder=tmp_path)
+        return found.studies["branches"]["torque"]
+
+    followed = table.traced
+    monkeypatch.setattr(table, "traced", lambda *_: 1 / 0)
+    lost = run()
+    assert lost.sizes["curve"] == 0 and lost.attrs["curves_lost"] == 1
+    assert "fold at 0.98" in lost.attrs["curves_lost_why"]
+    assert "1 could not be followed: fold at 0.98" in " ".join(branches_text(lost))
+    monkeypatch.setattr(table, "traced", followed)
+    kept = max((tmp_path / "branches_torque").glob("shard-*.nc"))
+    kept.unlink()
+    first = run()
+    monkeypatch.setattr(table, "traced", lambda *_: pytest.fail("followed again"))
+    again, whole = run(), results.study("branches", "torque")
+    for name in ("curve_value", "curve_second", "curve_value_error", "meeting_kind",
+                 "meeting_value"):
+        assert np.array_equal(again[name], first[name]) and np.array_equal(again[name], whole[name])
+    assert max(parts) <= 1
 
 
 @pytest.mark.parametrize(("parameter", "value"), [

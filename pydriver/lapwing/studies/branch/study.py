@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 # It begins with the motions of the deck's sweeps and searches, too (`of_deck.compute`).
 TAKES_FOUND = True
+# Part of the progress that curves in a second parameter are taken to be.
+OF_CURVES = 0.5
 # What it keeps one by one.
 RECORDS = "branches"
 
@@ -66,15 +68,24 @@ def carry_out(deck: Deck, study: Asked, order: int, threads: int,
                                  if one["status"].dims[1] == study.parameter],
         trials=_trials(deck, study, found.get("critical", {}))),
         study.doublings, study.most_points, study.unstable_points)
-    records = None if folder is None else Records(folder, "branch", notes, used_hash(deck))
-    branches = followed(request, done, Kept(records))
+    curved = study.second is not None
+    records = None if folder is None else Records(folder, "branch or curve" if curved else "branch",
+                                                  notes, used_hash(deck))
+    part = 1 - OF_CURVES * curved
+
+    def of_branches(fraction: float) -> None:
+        if done is not None:
+            done(part * fraction)
+
+    branches = followed(request, of_branches, Kept(records))
     diagram = table(request, branches)
     if study.second is not None:
         from lapwing.studies.curve import table as curves
 
         second = curves.Second(**study.second)
-        diagram = curves.added(diagram, curves.followed(request.search, branches.branches, second),
-                               second)
+        diagram = curves.added(diagram, curves.followed(
+            request.search, branches.branches, second, records,
+            done and (lambda fraction: done(part + OF_CURVES * fraction))), second)
     return diagram.assign_attrs(own_operation(deck, study))
 
 

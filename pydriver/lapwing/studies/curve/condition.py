@@ -26,7 +26,7 @@ MET, SAME = 1e-6, 1e-6
 OFFSET = 1e-6
 # Conditions by which a special point at a border of its motions can be met, the first one first.
 BORDERS = {Kind.GRAZING: (Border.ARRIVES,), Kind.RELEASE: (Border.LEAVES,),
-           Kind.REBOUND: (Border.REBOUNDS, Border.ARRIVES), Kind.CHATTER: (Border.PRESSED,),
+           Kind.REBOUND: (Border.REBOUNDS, Border.ARRIVES),
            Kind.KINK: (Border.BEGUN, Border.NOT_ENDED), Kind.KNOT: (Border.BEGUN, Border.NOT_ENDED)}
 SMOOTH = (Kind.FOLD, Kind.PERIOD_DOUBLING, Kind.TORUS)
 FOLLOWED = (*SMOOTH, *BORDERS)

@@ -29,7 +29,8 @@ class Curve:
     ----------
     kind : Kind
     values, second : arrays (n,), both parameters at each point
-    error, second_error : arrays (n,), by how much they may be off: what the last correction was
+    error, second_error : arrays (n,), by how much they may be off, across the curve: by rounding,
+        times what the equations make of it
     meetings : tuple of Meeting, in the order of the curve, both ends among them: where another
         special point meets it, of which `value` and `second` are
     positions : tuple of int, number of the point that each of them follows; -1: the first end
@@ -66,7 +67,7 @@ def curve(branch: Branch, special: Special, second: str | Callable[[float, float
        distance of zero, an event at a kink. With it the motion's equations have a curve of
        solutions over two parameters, which pseudo-arclength continuation follows through its own
        folds.
-    2. Each point is corrected until a correction is rounding; the last one is told (`error`).
+    2. Each point is corrected until a correction is rounding; what that may hide is told (`error`).
     3. At each point the engine is asked whether it sees the motion, of a graze a little beside it.
     4. A curve ends at the end of a range, where another event's condition fails or another flank
        is touched (named), back where it began, or where no step further is found. A cusp, or
@@ -76,7 +77,8 @@ def curve(branch: Branch, special: Special, second: str | Callable[[float, float
     ----------
     branch : Branch
     special : Special, of the branch: a fold, period doubling, torus, grazing, release, rebound,
-        loss of a chatter, kink or knot
+        kink or knot. The end of a complete chatter moves with no power of the distance from its
+        loss, which is therefore no condition that could be followed
     second : str, a number of the oscillator, or 'brake_torque' (N·m, at the balance of drive
         torque); or callable(value, second) giving an Oscillator, `value` the branch's parameter
     low, high : float, range of the second parameter; that of the branch's own is the branch's
@@ -144,7 +146,7 @@ def _joined(tracer: Tracer, special: Special, offset: float, up: Way,
                   for k, one in reversed(down.meetings)]
     found += [(last + k, one) for k, one in up.meetings]
     values = np.array([tracer.values(one, offset) for one in spots])
-    errors = np.array([one.error for one in spots]) * tracer.units
+    errors = np.array([tracer.errors(one, offset) for one in spots])
     return Curve(special.kind, values[:, 0], values[:, 1], errors[:, 0], errors[:, 1],
                  tuple(one for _, one in found), tuple(k for k, _ in found),
                  special.place.layout.cycles, tracer, offset)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lapwing.model.oscillator import Oscillator
-from lapwing.studies.branch.motion.curve import Bordered, NotCorrected, Problem
+from lapwing.studies.branch.motion.curve import ROUNDING, Bordered, NotCorrected, Problem
 from lapwing.studies.branch.motion.layout import Layout
 
 MOST_CORRECTIONS = 12
@@ -28,6 +28,9 @@ MOST_DIFFERENCED = 30.0
 # After a correction smaller than this the derivatives are those of the place before.
 NEAR = 1e-4
 MOST_KEPT = 4
+
+# Roundings of the unknowns by which a condition is tried, and numbers by which signs change.
+ULPS, PATTERNS = (-3, -1, 1, 2), (0.1, 1.9, 3.0)
 
 Value = Callable[[Problem, Layout, NDArray[Any]], float]
 
@@ -83,6 +86,8 @@ class Chart:
     along, across : arrays (2n + 2,); one parameter changes by 0 and by 1
     left : float, by how much the motion's equations are off
     by_value : two arrays (2n,), derivatives of these by both scaled parameters
+    bordered : Bordered, the equations with the one parameter that is not held
+    columns : int array (2n + 1,), its unknowns among y
     """
 
     off: NDArray[Any]
@@ -90,6 +95,14 @@ class Chart:
     across: NDArray[Any]
     left: float
     by_value: tuple[NDArray[Any], NDArray[Any]]
+    bordered: Bordered
+    columns: NDArray[Any]
+
+    def answer(self, right: NDArray[Any]) -> NDArray[Any]:
+        """By how much y moves where the motion's equations (2n,) are off by so much."""
+        found = np.zeros(len(self.columns) + 1)
+        found[self.columns] = self.bordered.solve(np.append(right, 0.0))
+        return found
 
 
 def chart(sheet: Sheet, layout: Layout, y: NDArray[Any], near: NDArray[Any],
@@ -125,7 +138,7 @@ def chart(sheet: Sheet, layout: Layout, y: NDArray[Any], near: NDArray[Any],
         for whole, part in zip((off, along, across), parts, strict=True):
             whole[columns] = part
         across[size + 1 - moved] = 1.0
-        made = Chart(off, along, across, float(np.max(np.abs(found))), by_value)
+        made = Chart(off, along, across, float(np.max(np.abs(found))), by_value, bordered, columns)
         large = float(np.max(np.abs(across)))
         if best is None or large < best[0]:
             best = large, made
@@ -236,7 +249,7 @@ def corrected(sheet: Sheet, layout: Layout, y: NDArray[Any], value: Value, row: 
     ------
     NotCorrected
     """
-    before, error, count = math.inf, np.full(2, math.nan), 0
+    before, count = math.inf, 0
     known, slope = None, (0.0, 0.0)
     for count in range(MOST_CORRECTIONS):  # noqa: B007
         known = chart(sheet, layout, y, along, tangent, known if before < NEAR else None)
@@ -257,7 +270,6 @@ def corrected(sheet: Sheet, layout: Layout, y: NDArray[Any], value: Value, row: 
         size = float(np.max(np.abs(step)))
         if not size < 10.0:
             raise NotCorrected("far away")
-        error = np.abs(step[-2:])
         if size < DONE or (size >= 0.5 * before and before < CLOSE and known.left < SOLVED):
             break
         y, before = y + step, size
@@ -266,13 +278,59 @@ def corrected(sheet: Sheet, layout: Layout, y: NDArray[Any], value: Value, row: 
             raise NotCorrected(f"still off by {before:.1e}")
     known = chart(sheet, layout, y, along, tangent)
     slope = slopes(sheet, layout, y, value, known)
-    return _spot(sheet, layout, y, known, slope, tangent, error, count)
+    spot = _spot(sheet, layout, y, known, slope, tangent, count)
+    return replace(spot, error=_error(sheet, value, spot, known, slope))
+
+
+def _error(sheet: Sheet, value: Value, spot: Spot, known: Chart,
+           slope: tuple[float, float]) -> NDArray[Any]:
+    """By how much both values of a place, scaled, may be off by rounding: array (2,).
+
+    Each of the motion's equations is taken to be off by as much as the worst of them, or by the
+    roundings of a phase, with signs of several patterns; the condition by what is left of it and by
+    what the last digits of the unknowns make of it. Across the curve: along it a place may lie
+    anywhere.
+    """
+    layout, y = spot.layout, spot.y
+    problem, z = sheet.problem(y), y[:-1]
+    row = sheet.weights(layout) * spot.tangent
+    matrix = np.array([slope, [row @ known.along, row @ known.across]])
+    here = value(problem, layout, z)
+    noise = abs(here)
+    for k in ULPS:
+        moved = z * (1 + k * np.finfo(float).eps)
+        moved[-1] = z[-1]
+        noise = max(noise, abs(value(problem, layout, moved) - here))
+
+    def step(off: NDArray[Any], by: float) -> NDArray[Any]:
+        try:
+            a, b = np.linalg.solve(matrix, [-by, -float(row @ off)])
+        except np.linalg.LinAlgError:
+            return np.full(2, math.inf)
+        moved: NDArray[Any] = np.abs((off + a * known.along + b * known.across)[-2:])
+        return moved
+
+    found = step(np.zeros(len(y)), noise)
+    size = max(known.left, ROUNDING * float(np.max(np.abs(y))))
+    numbers = np.arange(2 * layout.n)
+    worst = np.zeros(2)
+    for pattern in PATTERNS:
+        off = known.answer(np.where(np.sin(pattern * (numbers + 1)) < 0, -1.0, 1.0))
+        h = DIFFERENCE / max(1.0, float(np.max(np.abs(off))))
+        ahead = y + h * off
+        try:
+            by = (value(sheet.problem(ahead), layout, ahead[:-1]) - here) / h
+        except ValueError:
+            ahead = y - h * off
+            by = (here - value(sheet.problem(ahead), layout, ahead[:-1])) / h
+        worst = np.maximum(worst, step(off, by))
+    found += size * worst + ROUNDING * np.abs(y[-2:])
+    return found
 
 
 def _spot(sheet: Sheet, layout: Layout, y: NDArray[Any], known: Chart,
-          slope: tuple[float, float], tangent: NDArray[Any], error: NDArray[Any],
-          count: int) -> Spot:
-    """A place with its directions, on the sides of those given."""
+          slope: tuple[float, float], tangent: NDArray[Any], count: int) -> Spot:
+    """A place with its directions, on the sides of those given; its error is still to be told."""
     weights, (one, two) = sheet.weights(layout), slope
     found = two * known.along - one * known.across
     size = math.sqrt(float(weights @ found**2))
@@ -285,4 +343,4 @@ def _spot(sheet: Sheet, layout: Layout, y: NDArray[Any], known: Chart,
     width = math.sqrt(float(weights @ aside**2))
     # What is taken off lies along the curve, where the condition does not change.
     return Spot(layout, y, found, known.along / length, one / length, aside / width,
-                (one * one + two * two) / width, error, count)
+                (one * one + two * two) / width, np.full(2, math.nan), count)

@@ -147,8 +147,16 @@ class Tracer:
 
     def values(self, spot: Spot, offset: float) -> NDArray[Any]:
         """Both parameters where the condition is met by nothing: array (2,)."""
-        y = spot.y - offset / spot.gradient * spot.aside if offset else spot.y
-        return np.array(self.sheet.values(y))
+        return np.array(self.sheet.values(spot.y - self._back(spot, offset)))
+
+    def errors(self, spot: Spot, offset: float) -> NDArray[Any]:
+        """By how much both may be off: by rounding, and by the square of an extrapolation."""
+        left = float(np.max(np.abs(self._back(spot, offset))))**2
+        return np.array((spot.error + left) * self.units)
+
+    def _back(self, spot: Spot, offset: float) -> NDArray[Any]:
+        way: NDArray[Any] = offset / spot.gradient * spot.aside
+        return way
 
     def ahead(self, state: State, step: float) -> Spot:
         """The curve a step further."""
