@@ -14,8 +14,11 @@ module lapwing_flank
     real(wp), allocatable :: slope_jump(:)         !! (n + 1) g'(knot+) - g'(knot-)
     real(wp) :: push(2) = 0                        !! bounds of g'' and -g'' between kinks,
                                                    !! rad per tau**2: what a flank can push with
+    real(wp), allocatable :: curvature_jump(:)     !! (n) abs(g''(knot+) - g''(knot-))
+    real(wp) :: largest_jump = 0                   !! of those
     integer, allocatable :: next_kink(:)           !! (n) first kink or end after knot(i)
     integer, allocatable :: next_felt(:)           !! (n) or felt curvature jump
+    logical :: feels = .false.                     !! whether next_felt is another than next_kink
     real(wp) :: cells_per_tau = 0                  !! of the grid of n equal cells
     integer, allocatable :: before_cell(:)         !! (0:n) pieces that begin before each cell
   contains
@@ -23,7 +26,7 @@ module lapwing_flank
     procedure(motion_i), deferred :: motion
     procedure(range_i), deferred :: range
     procedure(lower_bound_i), deferred :: lower_bound
-    procedure :: find_jumps => no_jumps
+    procedure :: feel
   end type flank_t
 
   abstract interface
@@ -81,6 +84,7 @@ contains
     if (error == 0) allocate (self%kink(n + 1), stat=error)
     if (error == 0) allocate (self%slope_jump(n + 1), stat=error)
     if (error == 0) allocate (self%before_cell(0:n), stat=error)
+    if (error == 0) allocate (self%curvature_jump(n), stat=error)
     if (error == 0) allocate (self%next_kink(n), stat=error)
     if (error == 0) allocate (self%next_felt(n), stat=error)
     if (error /= 0) return
@@ -91,6 +95,7 @@ contains
     self%knot(n + 1) = knots(n + 1)*period
     self%kink(n + 1) = kinks(1)
     self%slope_jump = 0
+    self%curvature_jump = 0
     self%next_kink = n + 1
     self%next_felt = n + 1
     self%cells_per_tau = n/period
@@ -105,11 +110,24 @@ contains
     end do
   end subroutine set_knots
 
-  !> Slope jumps, and where steps must end: a smooth flank has none.
-  pure subroutine no_jumps(self, felt_curvature_jump)
+  !> Where a step in contact must end: for each piece the next kink or felt curvature jump.
+  pure subroutine feel(self, felt_curvature_jump)
     class(flank_t), intent(inout) :: self
     real(wp), intent(in) :: felt_curvature_jump    !! rad per tau**2
-  end subroutine no_jumps
+    integer :: i, felt_after
+    if (.not. self%largest_jump > felt_curvature_jump) then
+      ! Asked anew for every force of a sweep: nothing to do for most.
+      if (self%feels) self%next_felt = self%next_kink
+      self%feels = .false.
+      return
+    end if
+    self%feels = .true.
+    felt_after = self%n + 1
+    do i = self%n, 1, -1
+      self%next_felt(i) = felt_after
+      if (self%kink(i) .or. self%curvature_jump(i) > felt_curvature_jump) felt_after = i
+    end do
+  end subroutine feel
 
   !> The piece that holds t; at a knot the piece that begins there.
   pure integer function locate_piece(self, t, guess) result(piece)

@@ -13,7 +13,7 @@ module lapwing_flank_table
     real(wp), allocatable :: coefficient(:, :)     !! (0:5, n), rad per tau**k
   contains
     procedure :: taylor => expand_at
-    procedure :: motion, range, lower_bound, find_jumps
+    procedure :: motion, range, lower_bound
   end type te_table_t
 
 contains
@@ -39,7 +39,8 @@ contains
       end do
     end do
     table%push = greatest_push(table)
-    call table%find_jumps(felt_curvature_jump)
+    call find_jumps(table)
+    call table%feel(felt_curvature_jump)
   end subroutine make_table
 
   !> Greatest g'' and -g'' that the pieces can have, by their Bernstein coefficients.
@@ -58,26 +59,23 @@ contains
     end do
   end function greatest_push
 
-  !> Slope jumps, and for each piece the next knot where a step must end.
-  pure subroutine find_jumps(self, felt_curvature_jump)
-    class(te_table_t), intent(inout) :: self
-    real(wp), intent(in) :: felt_curvature_jump    !! rad per tau**2
-    real(wp) :: before(0:max_degree), curvature_jump
-    integer :: i, left, kink_after, felt_after
+  !> Jumps of slope and curvature at knots, and for each piece the next kink.
+  pure subroutine find_jumps(self)
+    type(te_table_t), intent(inout) :: self        !! table with pieces set
+    real(wp) :: before(0:max_degree)
+    integer :: i, left, kink_after
     kink_after = self%n + 1
-    felt_after = self%n + 1
     do i = self%n, 1, -1
       left = merge(self%n, i - 1, i == 1)
-      before = self%coefficient(:, left)
-      call taylor_shift(before, self%knot(left + 1) - self%knot(left))
+      call shift_quintic(self%coefficient(:, left), self%knot(left + 1) - self%knot(left), before)
       self%slope_jump(i) = self%coefficient(1, i) - before(1)
-      curvature_jump = 2*abs(self%coefficient(2, i) - before(2))
+      self%curvature_jump(i) = 2*abs(self%coefficient(2, i) - before(2))
       self%next_kink(i) = kink_after
-      self%next_felt(i) = felt_after
       if (self%kink(i)) kink_after = i
-      if (self%kink(i) .or. curvature_jump > felt_curvature_jump) felt_after = i
     end do
     self%slope_jump(self%n + 1) = self%slope_jump(1)
+    self%largest_jump = maxval(self%curvature_jump)
+    self%next_felt = self%next_kink
   end subroutine find_jumps
 
   !> Taylor coefficients of g about t.

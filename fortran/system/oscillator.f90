@@ -110,7 +110,7 @@ contains
     class(oscillator_t), intent(inout) :: self
     type(parameters_t), intent(in) :: parameters   !! dimensionless parameters
     call set_force(self, parameters)
-    call self%path%find_jumps(felt(self, parameters))
+    call self%path%feel(felt(self, parameters))
   end subroutine change_force
 
   !> Smallest curvature jump at which a step in contact ends; a rigid one is no step.

@@ -106,6 +106,10 @@ contains
     table = some_table([.true., .false., .true.], 2*jump_2)
     call tally%is_true(all(table%next_kink == [3, 3, 4]), "to the kink")
     call tally%is_true(all(table%next_felt == [3, 3, 4]), "a kink is felt")
+    call table%feel(0.5_wp*jump_3)
+    call tally%is_true(all(table%next_felt == [2, 3, 4]), "asked again, more is felt")
+    call table%feel(2*jump_2)
+    call tally%is_true(all(table%next_felt == [3, 3, 4]), "and nothing but the kink once more")
   end subroutine test_stops
 
   !> From every guess, at and next to every knot, and outside.
