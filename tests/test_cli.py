@@ -244,6 +244,9 @@ def test_plot_refuses_what_is_no_result(tmp_path):
     other.write_text("no netCDF", encoding="utf-8")
     assert call("plot", other).exit_code == BAD_INPUT
     assert call("plot", tmp_path / "none.nc").exit_code == BAD_INPUT
+    folder = call("plot", tmp_path)
+    assert folder.exit_code == BAD_INPUT
+    assert "a folder, expected a result file" in " ".join(folder.output.split())
 
 
 def test_shipped_decks_are_good():

@@ -251,6 +251,10 @@ def plot(
 
     code = OK
     for file in files:
+        if file.is_dir():
+            complain(f"{file}: a folder, expected a result file, {file / 'result.nc'}")
+            code = max(code, BAD_INPUT)
+            continue
         progress = begun(file, "figures")
         try:
             written, failures = plot_file(file, out, default_threads(), progress), {}

@@ -41,7 +41,8 @@ def shown(value: object) -> str:
     if isinstance(value, np.ndarray) and value.size > 8:
         return f"an array of shape {value.shape}"
     try:
-        text = repr(value[:20] if isinstance(value, str | bytes | list | tuple) else value)
+        most = SHOWN if isinstance(value, str) else 20
+        text = repr(value[:most] if isinstance(value, str | bytes | list | tuple) else value)
     except Exception:  # whatever a foreign object does when it is asked
         text = f"an object of type {type(value).__name__}"
     text = " ".join(text.split())

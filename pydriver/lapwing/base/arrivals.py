@@ -81,7 +81,7 @@ def per_cycle(sweep: xr.Dataset, side: str = "drive") -> NDArray[Any]:
     counts, period = column.values.astype(float), sweep["period"].values
     done = sweep["status"].values == Status.OK
     result = np.full(period.shape, np.nan)
-    for length in np.unique(period[done]):
+    for length in np.unique(period[done]) if counts.shape[-1] else ():
         rows = done & (period == length)
         result[rows] = counts[rows][:, -int(length):].mean(axis=-1)  # -0: all of them
     return result

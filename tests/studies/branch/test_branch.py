@@ -9,7 +9,7 @@ import math
 import numpy as np
 import pytest
 
-from helpers import PAIR, ball, ball_start, scene_a, scene_c, scene_d
+from helpers import PAIR, ball, ball_start, oscillator, scene_a, scene_c, scene_d
 from lapwing import (
     MotionState,
     NoOrbit,
@@ -220,6 +220,14 @@ def test_what_is_refused():
     engaged = find_orbit(scene_a(13.0), settle=100)
     with pytest.raises(NoOrbit, match="without events"):
         branch(engaged, "brake_torque", low=12.0, high=14.0)
+
+
+def test_a_motion_that_is_one_of_a_family_begins_no_branch():
+    """Nothing is lost: a bounce on a flat flank may have any phase."""
+    osc = oscillator(force=1.0, period=2 * math.sqrt(8), restitution=1.0, damping_ratio=0.1)
+    orbit = find_orbit(osc, (0, 0.0, -math.sqrt(8)), 1)
+    with pytest.raises(NoOrbit, match="a multiplier of it is 1"):
+        branch(orbit, "force", low=0.9, high=1.1)
 
 
 def test_state_and_value_of_a_branch():

@@ -139,6 +139,12 @@ def test_what_branches_refuse():
         lapwing.branches(PAIR, SHIPPED, low=2.0, high=1.0, **SCENE_A)
     with pytest.raises(ValueError, match="parameter"):
         lapwing.branches(PAIR, SHIPPED, parameter="torque", low=1.0, high=2.0, **SCENE_A)
+    # As a deck does.
+    with pytest.raises(ValueError, match="degrees_of_freedom = 2, expected 1"):
+        lapwing.branches(PAIR, SHIPPED, low=1.0, high=2.0, degrees_of_freedom=2, **SCENE_A)
+    with pytest.raises(ValueError, match=r"'harmonic_amplitude\(1\)', expected one of"):
+        lapwing.branches(PAIR, SHIPPED, parameter="harmonic_amplitude(1)", low=1.0, high=2.0,
+                         **SCENE_A)
 
 
 def test_the_curve_may_be_what_varies():

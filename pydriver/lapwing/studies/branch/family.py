@@ -302,6 +302,8 @@ def _checked(pair: Any, te: Any, parameter: Any, low: Any, high: Any, starts: An
         taken.take(arguments.function, "progress", progress)
     if None not in ends and not ends[0] < ends[1]:
         taken.problems.append(f"low = {ends[0]:g} must be below high = {ends[1]:g}")
+    if operation.get("degrees_of_freedom") == 2:
+        taken.problems.append("degrees_of_freedom = 2, expected 1")
     taken.raise_if_any("branches")
     search = Search(
         pair, te, parameter, np.linspace(ends[0], ends[1], numbers["seeds"]), operation, starts,

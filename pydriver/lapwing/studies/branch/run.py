@@ -30,6 +30,8 @@ NUMBERS = ("force", "mesh_frequency_ratio", "damping_ratio", "restitution", "bac
            "gear_ratio")
 # Values nearer to each other, parts of the range, are one.
 ROUNDED = 1e-13
+# A multiplier that is so near to 1 is 1.
+NEUTRAL = 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -246,7 +248,11 @@ def begun(problem: Problem, orbit: Orbit, value: float) -> tuple[Any, NDArray[An
         layout, z = fewer(problem, layout, problem.packed(phase, speed, value))
         return layout, at_value(problem, layout, z)
     except NotCorrected as error:
-        raise NoOrbit(f"no periodic motion with the events of this one: {error}", value) from error
+        why = f"no periodic motion with the events of this one: {error}"
+        if np.any(np.abs(orbit.multipliers.values - 1) < NEUTRAL):
+            why = "a multiplier of it is 1: it is a fold, or one of a family, as where nothing " \
+                "is lost; begin at another value"
+        raise NoOrbit(why, value) from error
 
 
 def both_ways(follower: Follower, layout: Any, z: NDArray[Any], points: int,
