@@ -1,6 +1,7 @@
 """A large map killed midway, gone on with, and judged: memory, time, numbers.
 
     python tests/large_map.py [--side 1000] [--kills 2] [--threads 2] [--samples 5] [--out FOLDER]
+                              [--settle CYCLES] [--record CYCLES]
 
 runs `inputs/plane_25x32.nml` over side x side values by the command `lapwing run`, kills the whole
 of it (SIGKILL) so many times on the way, and lets the same command go on. It prints
@@ -14,7 +15,8 @@ of it (SIGKILL) so many times on the way, and lets the same command go on. It pr
   now without interruption.
 
 The exit status is 1 where any of these is not as it should be. With its 1000 x 1000 runs of 500
-mesh cycles it takes some 20 minutes on two quiet cores; `--side 100` takes one.
+mesh cycles it takes some 20 minutes on two quiet cores; `--side 100` takes one. With `--kills 0
+--settle 1 --record 1` a million runs take a minute or two, and as much memory.
 """
 
 from __future__ import annotations
@@ -70,8 +72,15 @@ ALLOWED = 1e9  # bytes
 
 def command(arguments: argparse.Namespace, out: Path) -> list[str]:
     """The run, as a user would type it after `lapwing`."""
-    return ["run", str(DECK), "--out", str(out), "--threads", str(arguments.threads), "--set",
-            f"map.x_count={arguments.side}", "--set", f"map.y_count={arguments.side}"]
+    return ["run", str(DECK), "--out", str(out), "--threads", str(arguments.threads),
+            *(word for key, value in changed(arguments) for word in ("--set", f"{key}={value}"))]
+
+
+def changed(arguments: argparse.Namespace) -> list[tuple[str, str]]:
+    """Keys of the deck that have other values."""
+    wanted = {"x_count": arguments.side, "y_count": arguments.side,
+              "settle_cycles": arguments.settle, "record_cycles": arguments.record}
+    return [(f"map.{key}", str(value)) for key, value in wanted.items() if value is not None]
 
 
 class Run:
@@ -159,7 +168,8 @@ def judge(arguments: argparse.Namespace, out: Path, say=print) -> list[str]:
             problems.append(f"{now_lost} shards begun in vain")
         say(f"start {turn}: {'killed' if run.code else 'finished'} with {len(done)} shards after "
             f"{run.wall:.0f} s, processor {seconds:.0f} s; {now_lost} shards begun in vain; memory "
-            f"of all processes together at most {run.most / 1e6:.0f} MB, each at most "
+            f"of all processes together at most {run.most / 1e6:.0f} MB, of the program itself "
+            f"{run.peaks.pop(run.process.pid) / 1e6:.0f}, each other at most "
             + ", ".join(f"{peak / 1e6:.0f}" for peak in sorted(run.peaks.values())[::-1][:5]))
         cpu, wall, most = cpu + seconds, wall + run.wall, max(most, run.most)
     if sorted(map(int, done)) != list(range(job.cut.shards)):
@@ -184,7 +194,7 @@ def job_of_deck(arguments: argparse.Namespace):
     from lapwing.studies.map.run import job_of
     from lapwing.studies.map.study import _arguments
 
-    deck = load_deck(DECK, [(f"map.{side}_count", str(arguments.side)) for side in "xy"])
+    deck = load_deck(DECK, changed(arguments))
     (study,) = deck.studies["map"]
     return job_of(**_arguments(deck, study))
 
@@ -217,6 +227,8 @@ def main(words: list[str]) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     for name, default in (("side", 1000), ("kills", 2), ("threads", 2), ("samples", 5)):
         parser.add_argument(f"--{name}", type=int, default=default)
+    for name in ("settle", "record"):
+        parser.add_argument(f"--{name}", type=int, help="mesh cycles; default: the deck's")
     parser.add_argument("--out", type=Path, help="where results go and stay; default: nowhere")
     arguments = parser.parse_args(words)
     with tempfile.TemporaryDirectory(prefix="lapwing-large-map-") as folder:

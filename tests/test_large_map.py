@@ -14,4 +14,5 @@ def test_a_map_that_was_killed_is_whole_small_and_quick(tmp_path, capsys):
         with capsys.disabled():
             print(f"\n{text}", end="")
 
-    assert not judge(argparse.Namespace(side=40, kills=2, threads=2, samples=3), tmp_path, say)
+    assert not judge(argparse.Namespace(side=40, kills=2, threads=2, samples=3, settle=None,
+                                             record=None), tmp_path, say)

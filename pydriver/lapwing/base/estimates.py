@@ -28,6 +28,8 @@ STORED_CYCLE = sum(4 if unit == "1" else 8 for name, unit in quantities.CYCLE.it
 # A run of a map: status, period, arrivals at both flanks, chatter, states; five real numbers; what
 # is asked for besides comes on top (`map_run`).
 MAP_RUN = 1 + 2 + 2 * 4 + 1 + 1 + 5 * REAL
+# What a summary reads of each run of a map: status, period, arrivals, states, deepest separation.
+MAP_READ = 1 + 2 + 2 * 4 + 1 + REAL
 # Deflate makes no more of it; a figure in its two formats is never smaller.
 PACKED, FIGURE = 1032, 20_000
 _NO_LIMIT = 2**60
@@ -49,6 +51,11 @@ def sweep_bytes(points: int, record: int, cycles: bool = True, impacts: bool = F
 def map_run(observe: Iterable[str] | None) -> int:
     """Bytes of a run of a map that is asked for some of `quantities.OBSERVED`."""
     return MAP_RUN + REAL * sum(len(quantities.OBSERVED[one]) for one in observe or ())
+
+
+def map_read(observe: Iterable[str] | None) -> int:
+    """Bytes of a run that its summary reads, where a map is put together from its shards."""
+    return MAP_READ + map_run(observe) - MAP_RUN
 
 
 def log_points(room: int) -> int:

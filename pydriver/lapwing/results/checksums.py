@@ -48,7 +48,7 @@ def _of_file(file: Any) -> dict[str, str]:
     file.set_auto_maskandscale(False)
     for group in (file, *file.groups.values()):
         for name, variable in group.variables.items():
-            found[f"{group.path.rstrip('/')}/{name}"] = _of_array(variable[...])
+            found[f"{group.path.rstrip('/')}/{name}"] = _of_variable(variable)
         found[group.path] = _of_attributes(group)
     return found
 
@@ -118,13 +118,26 @@ def verify_file(path: str | Path) -> bool:
     return True
 
 
-def _of_array(values: np.ndarray) -> str:
-    values = np.ma.getdata(values)
-    whole = hashlib.sha256(f"{values.dtype.kind} {values.shape}\0".encode())
-    if values.dtype.kind in "OU":
-        whole.update(json.dumps(np.asarray(values, dtype=object).tolist()).encode())
-    else:
-        whole.update(np.ascontiguousarray(values).reshape(-1).data)
+def row_parts(variable: Any) -> Iterator[Any]:
+    """Parts of a stored variable along its first axis, whole pieces of its storage each."""
+    pieces = variable.chunking()
+    if not isinstance(pieces, list):
+        yield ...
+        return
+    for first in range(0, variable.shape[0], pieces[0]):
+        yield slice(first, first + pieces[0])
+
+
+def _of_variable(variable: Any) -> str:
+    """Over type, shape and numbers, a part of them in memory at a time."""
+    kind = getattr(variable.dtype, "kind", "O")
+    whole = hashlib.sha256(f"{kind} {tuple(map(int, variable.shape))}\0".encode())
+    if kind in "OU":
+        values = np.asarray(np.ma.getdata(variable[...]), dtype=object)
+        whole.update(json.dumps(values.tolist()).encode())
+        return whole.hexdigest()
+    for part in row_parts(variable):
+        whole.update(np.ascontiguousarray(np.ma.getdata(variable[part])).reshape(-1).data)
     return whole.hexdigest()
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Hashable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,9 +23,9 @@ from lapwing.model.oscillator import TE_SIGNS
 from lapwing.results.checksums import DamagedFile, small_cache, store_checksums, verify_file
 from lapwing.results.curve import source_of
 from lapwing.results.provenance import engine_digest, provenance
-from lapwing.results.schema import SCHEMA_VERSION, as_of_today, with_plain_text
+from lapwing.results.schema import SCHEMA_VERSION, as_of_today
 from lapwing.results.store import Manifest, flush, os_errors
-from lapwing.results.variables import FAILED, described
+from lapwing.results.variables import write_groups
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,8 +34,6 @@ if TYPE_CHECKING:
     from lapwing.model.transmission_error.table import TransmissionError
 
 CONVENTIONS = "CF-1.11"
-# Variables larger than this are compressed; the rest is small beside the file's own overhead.
-COMPRESS_ABOVE = 1000
 DERIVED = ("gear_ratio", "equivalent_inertia", "natural_frequency", "torsional_stiffness",
            "force_per_torque")
 
@@ -93,7 +90,7 @@ def write_results(path: Path, *, deck_name: str, deck_text: str, used_text: str,
     aside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     with held(), small_cache(), os_errors(path.parent):
         try:
-            _write_groups(aside, groups)
+            write_groups(aside, groups)
             stored = store_checksums(aside)
             flush(aside)
             os.replace(aside, path)
@@ -101,38 +98,6 @@ def write_results(path: Path, *, deck_name: str, deck_text: str, used_text: str,
         finally:
             aside.unlink(missing_ok=True)
     return stored
-
-
-def _write_groups(path: Path, groups: dict[str | None, xr.Dataset]) -> None:
-    import netCDF4
-    from xarray import backends
-
-    make_store: Any = backends.NetCDF4DataStore
-    # The file is opened once: each opening reads all that is in it already.
-    with netCDF4.Dataset(path, "w", format="NETCDF4") as file:
-        for name, dataset in groups.items():
-            dataset = with_plain_text(described(dataset))
-            store = make_store(file if name is None else file.createGroup(name))
-            dataset.dump_to_store(store, encoding=_encoding(dataset))
-
-
-def _encoding(dataset: xr.Dataset) -> dict[Hashable, dict[str, Any]]:
-    """Compress what is large; whole numbers of failed runs are missing and read as NaN.
-
-    Text is stored as characters, not as strings, which Fortran cannot read.
-    """
-    encoding: dict[Hashable, dict[str, Any]] = {}
-    for name, variable in dataset.variables.items():
-        small = variable.size <= COMPRESS_ABOVE or variable.dtype.kind not in "fiu"
-        # Level 1 takes half the time of 4 for files 5 % larger.
-        packed: dict[str, Any] = {} if small else {"zlib": True, "complevel": 1, "shuffle": True}
-        if variable.dims and variable.size and variable.dtype.kind in "fiu":
-            packed["fletcher32"] = True
-        missing = variable.dtype.kind == "i" and np.any(variable.values == FAILED)
-        if variable.dtype.kind in "UO":
-            packed["dtype"] = "S1"
-        encoding[name] = {"_FillValue": FAILED if missing else None, **packed}
-    return encoding
 
 
 def _dataset(variables: dict[str, Any], attributes: dict[str, Any]) -> xr.Dataset:

@@ -169,10 +169,11 @@ def map_kinds(data: xr.Dataset) -> tuple[tuple[str, ...], xr.DataArray]:
     engaged = ~moves & (data["states_visited"] == ENGAGED)
     cases = [~known, engaged, ~moves, (period == 0) & back, period == 0, (period == 1) & back, back,
              period == 1, period == 2, period <= 4]
-    found = np.select([case.values for case in cases], [-1, 0, 1, 9, 8, 6, 7, 2, 3, 4], 5)
+    kinds = np.array([-1, 0, 1, 9, 8, 6, 7, 2, 3, 4, 5], dtype=np.int8)
+    found = np.select([case.values for case in cases], list(kinds[:-1]), kinds[-1])
     words = data.attrs.get("arrival", "impact")
     names = tuple(name.replace("impacts", f"{words}s") for name in KINDS)
-    return names, period.copy(data=found.astype(np.int8))
+    return names, period.copy(data=found)
 
 
 def map_rattles(data: xr.Dataset) -> xr.DataArray:

@@ -254,6 +254,25 @@ def read_shard(folder: Path, index: int, told: Mapping[str, Any],
             return None, f"cannot be read ({error})"
 
 
+def read_column(folder: Path, index: int, name: str) -> NDArray[Any]:
+    """A variable of a shard that `read_shard` has found good, no more of it in memory.
+
+    Raises
+    ------
+    DamagedFile
+        (a ValueError) where the shard is no longer there, or torn.
+    """
+    import netCDF4
+
+    path = shard_path(folder, index)
+    try:
+        with _ONE, netCDF4.Dataset(path) as file:
+            file.set_auto_maskandscale(False)
+            return np.array(file[name][...])
+    except (OSError, RuntimeError, IndexError) as error:
+        raise DamagedFile(f"{path} cannot be read any more ({error})") from None
+
+
 def read_status(folder: Path, index: int, told: Mapping[str, Any]) -> NDArray[Any] | None:
     """How the runs of a shard ended, array (runs,) of `Status`; None where it is not taken.
 

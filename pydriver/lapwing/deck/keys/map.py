@@ -142,8 +142,8 @@ class MapKeys(StudyKeys):
             "axes": {name: axis.tolist() for name, axis in asked.axes.items()}}, asked)
 
     def memory(self, asked: Asked) -> tuple[int, str]:
-        """See `StudyKeys`: of the whole map, put together from its shards."""
-        return estimates.map_run(self.observe) * _runs(asked), "the numbers of values"
+        """See `StudyKeys`: what its summary reads; the rest is put together part by part."""
+        return estimates.map_read(self.observe) * _runs(asked), "the numbers of values"
 
     def disk(self, asked: Asked) -> tuple[int, int]:
         """See `StudyKeys`."""

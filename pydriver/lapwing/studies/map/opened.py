@@ -15,7 +15,15 @@ from lapwing.base import arguments
 from lapwing.base.codes import Status
 from lapwing.base.quantities import worded
 from lapwing.results.checksums import DamagedFile
-from lapwing.results.shards import Shard, read_shard, read_study, shard_path, shards_in
+from lapwing.results.shards import (
+    Shard,
+    read_column,
+    read_shard,
+    read_study,
+    shard_path,
+    shards_in,
+)
+from lapwing.results.variables import IN_PARTS
 from lapwing.studies.map.cut import Cut
 from lapwing.studies.map.observed import RATES, kept, rate_of
 
@@ -23,7 +31,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 # Shards whose numbers stay in memory, and runs that are looked up at once.
-HELD, AT_ONCE = 8, 2**20
+HELD, AT_ONCE = 8, 2**18
 
 
 @arguments.complete()
@@ -71,9 +79,7 @@ def open_study(folder: str | os.PathLike[str]) -> xr.Dataset:
     else:
         coordinates = dict(axes)
     store = _Store(place, attrs, axes)
-    shape = tuple(map(len, axes.values()))
-    variables = {name: xr.Variable(dims, _lazy(_Numbers(store, name, shape)))
-                 for name in (*store.kept, *RATES)}
+    variables = {name: store.variable(name, dims) for name in (*store.kept, *RATES)}
     missing = store.shards - len([i for i in shards_in(place) if i < store.shards])
     said = {name: value for name, value in attrs.items() if name not in _OF_THE_FILE}
     if kind == "map" and len(axes) == 2:  # what it can be drawn over
@@ -87,11 +93,34 @@ _OF_THE_FILE = ("Conventions", "title", "shard_format", "checksums", "order", "k
                 "besides")
 
 
+def left_in(folder: Path, status: NDArray[Any],
+            least: dict[str, float]) -> dict[str, xr.Variable]:
+    """Variables of a map whose shards lie in a folder, read from there when they are used.
+
+    Parameters
+    ----------
+    folder : Path, of shards that were found good; they are not checked again
+    status : array (runs,) of `Status`, in the order of the runs; UNFINISHED: there is no shard
+    least : variable of a shard -> its least number
+
+    Returns
+    -------
+    dict of name -> Variable over the axes, marked to be written in parts
+    """
+    axes, attrs = read_study(folder)
+    store = _Checked(folder, attrs, axes, status)
+    found = {name: store.variable(name, tuple(axes)) for name in (*store.kept, *RATES)}
+    for name, one in found.items():
+        one.encoding[IN_PARTS] = least.get(name, 0)
+    return found
+
+
 class _Store:
     """Numbers by run, from whatever shards they lie in."""
 
     def __init__(self, folder: Path, attrs: dict[str, Any], axes: dict[str, NDArray[Any]]) -> None:
         self.folder = folder
+        self.shape = tuple(map(len, axes.values()))
         self._inputs, self._engine = attrs["inputs"], attrs["engine_sha256"]
         self.record = int(attrs["record"])
         self.kept = kept(str(attrs.get("observe", "")).split()) | dict.fromkeys(
@@ -107,6 +136,12 @@ class _Store:
             step *= len(axes[name])
         self.steps = tuple(steps[name] for name in axes)
 
+    def variable(self, name: str, dims: tuple[str, ...]) -> xr.Variable:
+        """One that is read when it is used."""
+        import xarray as xr
+
+        return xr.Variable(dims, _lazy(_Numbers(self, name, self.shape)))
+
     def numbers(self, name: str, runs: NDArray[np.int64]) -> NDArray[Any]:
         """A variable of some runs, an array of their shape."""
         if name in RATES:
@@ -117,11 +152,16 @@ class _Store:
             found[...] = Status.UNFINISHED
         of_shard = self._cut.shard_of(runs)
         for index in np.unique(of_shard):
-            shard = self._shard(int(index))
-            if shard is not None:
+            column = self._column(int(index), name)
+            if column is not None:
                 here = of_shard == index
-                found[here] = shard.data[name][runs[here] - self._cut.place(int(index))[0]]
+                found[here] = column[runs[here] - self._cut.place(int(index))[0]]
         return found
+
+    def _column(self, index: int, name: str) -> NDArray[Any] | None:
+        """A variable of a shard; None where there is no such shard."""
+        shard = self._shard(index)
+        return None if shard is None else shard.data[name]
 
     def _shard(self, index: int) -> Shard | None:
         if index in self._held:
@@ -137,6 +177,22 @@ class _Store:
             if len(self._held) > HELD:
                 self._held.popitem(last=False)
         return shard
+
+
+class _Checked(_Store):
+    """The same of shards that were checked already; what is read of them is not kept."""
+
+    def __init__(self, folder: Path, attrs: dict[str, Any], axes: dict[str, NDArray[Any]],
+                 status: NDArray[Any]) -> None:
+        super().__init__(folder, attrs, axes)
+        self._status = status
+
+    def _column(self, index: int, name: str) -> NDArray[Any] | None:
+        first, stop = self._cut.place(index)
+        if self._status[first] == Status.UNFINISHED:
+            return None
+        return self._status[first:stop] if name == "status" \
+            else read_column(self.folder, index, name)
 
 
 class _Numbers:

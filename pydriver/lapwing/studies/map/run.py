@@ -7,7 +7,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lapwing.base import arguments
+from lapwing.base import arguments, estimates
 from lapwing.base.arguments import MAX_INT, Refusals
 from lapwing.base.quantities import CURVE, OBSERVED, curve_clash, worded
 from lapwing.engine import Numerics
@@ -15,8 +15,9 @@ from lapwing.model.gear_pair import GearPair
 from lapwing.model.transmission_error import TransmissionError
 from lapwing.studies.map.cut import shard_size
 from lapwing.studies.map.grid import Grid, fastest_axis
+from lapwing.studies.map.opened import left_in
 from lapwing.studies.map.shards import Job, check_settings
-from lapwing.studies.map.work import Found, carry_out, numbers_of
+from lapwing.studies.map.work import Noted, carry_out, gather, numbers_of
 from lapwing.studies.sweep.curves import taken_axes
 from lapwing.studies.sweep.varied import parameters
 
@@ -103,7 +104,30 @@ def parameter_map(pair: GearPair, te: TransmissionError, axes: Mapping[str, Any]
     found, interrupted = carry_out("parameter_map", job, folder=folder, executor=executor,
                                    threads=threads, progress=progress, notes=notes,
                                    keep_interrupted=keep_interrupted)
-    return _dataset(job, found, interrupted)
+    numbers = numbers_of(job, found)
+    return _dataset(job, {name: (job.grid.order, values.reshape(job.grid.shape))
+                          for name, values in numbers.items()}, found.cpus, interrupted)
+
+
+def left_map(job: Job, folder: Path, **gathering: Any) -> xr.Dataset:
+    """The same, its numbers left in the shards: each is read when it is used, as long as they are.
+
+    What ended how is known. Memory: a byte a run, and what is read.
+
+    Parameters
+    ----------
+    job : Job
+    folder : Path
+    **gathering : executor, threads, progress, notes, keep_interrupted, as of `parameter_map`
+    """
+    grid, notes = job.grid, gathering["notes"]
+    estimates.require(grid.runs * estimates.map_read(job.observe), "parameter_map",
+                      "the number of runs")
+    found = Noted(job, notes or (lambda _: None))
+    interrupted = gather("parameter_map", job, found, folder=folder, **gathering)
+    variables: dict[str, Any] = {**left_in(folder, found.status, found.least)}
+    variables["status"] = grid.order, found.status.reshape(grid.shape)
+    return _dataset(job, variables, found.cpus, interrupted)
 
 
 def job_of(pair: GearPair, te: TransmissionError, axes: Any, *, line: str | None, start: str,
@@ -146,17 +170,16 @@ def job_of(pair: GearPair, te: TransmissionError, axes: Any, *, line: str | None
                tuple(one for one in OBSERVED if one in observed))
 
 
-def _dataset(job: Job, found: Found, interrupted: bool) -> xr.Dataset:
+def _dataset(job: Job, variables: dict[str, Any], cpus: set[str],
+             interrupted: bool) -> xr.Dataset:
     import xarray as xr
 
     grid = job.grid
-    data = {name: values.reshape(grid.shape) for name, values in numbers_of(job, found).items()}
-    variables = {name: (grid.order, values) for name, values in data.items()}
     drawn = dict(zip(("x_parameter", "y_parameter"), grid.axes, strict=True)) \
         if len(grid.axes) == 2 else {}
     return worded(xr.Dataset(variables, dict(grid.axes), {
         **job.about, **drawn, "shards": job.cut.shards, "interrupted": int(interrupted),
-        "cpus": "; ".join(sorted(found.cpus))})).transpose(*grid.axes)
+        "cpus": "; ".join(sorted(cpus))})).transpose(*grid.axes)
 
 
 __all__ = ["parameter_map"]

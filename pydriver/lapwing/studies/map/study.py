@@ -16,7 +16,7 @@ from lapwing.results.findings import endings
 from lapwing.studies import cost
 from lapwing.studies.again import Again, moved_again
 from lapwing.studies.labels import own_operation
-from lapwing.studies.map.run import job_of, parameter_map
+from lapwing.studies.map.run import job_of, left_map, parameter_map
 from lapwing.studies.map.shards import Job
 from lapwing.studies.sweep.curves import Curves
 from lapwing.studies.sweep.varied import oscillator_at
@@ -51,9 +51,12 @@ def carry_out(deck: Deck, study: Asked, order: int, threads: int,
               notes: Callable[[str], None] | None = None,
               executor: Executor | None = None) -> xr.Dataset:
     """One map of a deck; a signal keeps the shards that are finished. See `registry`."""
-    result = parameter_map(
-        **_arguments(deck, study), folder=folder, threads=threads, progress=done, notes=notes,
-        executor=executor, keep_interrupted=True)
+    if folder is None:
+        result = parameter_map(**_arguments(deck, study), threads=threads, progress=done,
+                               notes=notes, keep_interrupted=True)
+    else:
+        result = left_map(job(deck, study), folder, threads=threads, progress=done, notes=notes,
+                          executor=executor, keep_interrupted=True)
     return result.assign(_full_engagement(deck, study)).assign_attrs(
         own_operation(deck, study)
         | {"x_parameter": study.x_parameter, "y_parameter": study.y_parameter})

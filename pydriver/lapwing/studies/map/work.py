@@ -141,6 +141,32 @@ class _Left:
         """Let one be."""
 
 
+class Noted:
+    """The same, and what is known of all.
+
+    Attributes
+    ----------
+    status : array (runs,) of `Status`, in the order of the runs
+    least : dict of variable -> its least number
+    cpus : set of str
+    """
+
+    def __init__(self, job: Task, notes: Callable[[str], object]) -> None:
+        self.notes, self.cpus = notes, set[str]()
+        self.status = np.full(job.grid.runs, Status.UNFINISHED, dtype=np.int8)
+        self.least: dict[str, float] = {}
+        self._job = job
+
+    def take(self, index: int, shard: Shard) -> None:
+        """Note one."""
+        first, stop = self._job.cut.place(index)
+        self.cpus.add(shard.cpu)
+        for name, values in shard.data.items():
+            self.least[name] = min(self.least.get(name, 0), values.min())
+        # Last: of what Ctrl-C tears apart here nothing is told as known.
+        self.status[first:stop] = shard.data["status"]
+
+
 class _Work:
     """Shards handed out and gathered."""
 
