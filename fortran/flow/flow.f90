@@ -4,10 +4,29 @@
 !> Whoever looks at an arc asks the flow that followed it, and need not know which one that was.
 module lapwing_flow
   use lapwing_kinds, only: wp
+  use lapwing_flank_series, only: turned_t
   use lapwing_system, only: system_t, instant_t, frame_t, motion_t, max_states
   implicit none
   private
   public :: flow_t, arc_t, reached_t, work_t, step_memory_t, listener_t, instant_on, at_stop
+  public :: curve_t, start_order
+
+  integer, parameter :: start_order = 13   !! highest order of a series about an arc's beginning
+
+  !> One arc in closed form, seen from a flank: see `lapwing_flow_exact_curve`.
+  type :: curve_t
+    logical :: contact = .false.          !! in contact, or in flight
+    integer :: degree = -1                !! of its series, as far as it is known
+    integer :: piece = 1                  !! piece of the flank at the beginning
+    real(wp) :: t = 0                     !! cycle time of s = 0
+    real(wp) :: x = 0, v = 0              !! position and velocity there
+    real(wp) :: near = -1                 !! the Taylor series holds up to this s
+    real(wp) :: taylor(0:start_order)     !! of x about s = 0, once expanded
+    real(wp) :: flank(2) = 0              !! g and g' at s = 0, in flight
+    real(wp) :: free(2) = 0               !! d and d' at s = 0, in contact
+    logical :: is_turned = .false.        !! whether the series' terms at s = 0 are known
+    type(turned_t) :: turned              !! those
+  end type curve_t
 
   !> One arc.
   type :: arc_t
@@ -20,6 +39,7 @@ module lapwing_flow
     integer :: skipped = 0               !! and how many were
     type(frame_t) :: frame               !! frame it began with; its stop, if no flow asks for more
     type(motion_t) :: motion             !! step it is part of, where the flow takes steps
+    type(curve_t) :: curve               !! curve it was followed by last, where it takes none
   end type arc_t
 
   !> The end of an arc. Nothing is set beforehand: an arc is too short for that.

@@ -19,7 +19,8 @@ module lapwing_polynomial_roots
   !> Newton's step to a turn at which the parabola there gives its value to rounding: what it leaves
   !> out is the cube of the step, over the interval.
   real(wp), parameter :: close_enough = 3.0e-6_wp
-  integer, parameter :: most_steps = 12        !! of Newton; three or four are needed
+  integer, parameter :: most_steps = 12        !! of Newton; four or five are needed
+  integer, parameter :: rough_steps = 2        !! of them with the first six terms
 
 contains
 
@@ -316,10 +317,10 @@ contains
     end do
   end function first_nonzero
 
-  !> Raise `most` to the largest value of a polynomial of odd degree on an interval, if its second
-  !> derivative keeps its sign there: then it turns once or not at all.
+  !> Raise `most` to the largest value of a polynomial of odd degree, five at least, if its second
+  !> derivative keeps its sign on the interval: then it turns once or not at all.
   pure subroutine raise_to_turn(c, from, to, most, one_turn)
-    real(wp), intent(in) :: c(0:)              !! coefficients
+    real(wp), intent(in), contiguous :: c(0:)  !! coefficients
     real(wp), intent(in) :: from, to           !! interval
     real(wp), intent(inout) :: most            !! largest value
     logical, intent(out) :: one_turn           !! whether it does
@@ -335,9 +336,10 @@ contains
     end if
     s = from + (to - from)*(slopes(1)/(slopes(1) - slopes(2)))
     do i = 1, most_steps
-      call jet(ubound(c, 1), c, s, value, slope, bend)
+      ! A guess need not know all terms.
+      call jet(merge(max_degree, ubound(c, 1), i <= rough_steps), c, s, value, slope, bend)
       step = -0.5_wp*slope/bend
-      if (abs(step) <= close_enough*(to - from)) exit
+      if (i > rough_steps .and. abs(step) <= close_enough*(to - from)) exit
       s = min(max(s + step, from), to)
     end do
     one_turn = i <= most_steps

@@ -6,6 +6,7 @@
 module lapwing_flow_exact_contact
   use lapwing_kinds, only: wp
   use lapwing_codes, only: no_flank, drive_flank, coast_flank
+  use lapwing_flow, only: start_order
   use lapwing_flow_exact_curve, only: scene_t, curve_t, begin_curve, expand_start, expand_fully, &
       is_smooth
   use lapwing_system_oscillation, only: free_motion, free_state, n_taylor
@@ -13,7 +14,7 @@ module lapwing_flow_exact_contact
   use lapwing_flow_exact_root_search, only: target_t, first_crossing, quick_return, only_zero
   use lapwing_flow_exact_motion, only: curve_at, rest_after, free_in_middle, contact_series
   use lapwing_flow_exact_interval_bounds, only: widest_level, block_at, last_in_block
-  use lapwing_flow_exact_panels, only: locate_panel, free_size, start_order, reach
+  use lapwing_flow_exact_panels, only: locate_panel, free_size, reach
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, bernstein_on, least
   use lapwing_flow_exact_slow_contact, only: slow_crossing
   implicit none

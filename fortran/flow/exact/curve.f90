@@ -7,11 +7,12 @@
 module lapwing_flow_exact_curve
   use lapwing_kinds, only: wp
   use lapwing_flank, only: flank_t
-  use lapwing_flank_series, only: series_flank_t, turned_t, turn_series, turned_value, &
-      turned_taylor, turned_tail
+  use lapwing_flank_series, only: series_flank_t, turn_series, turned_value, turned_taylor, &
+      turned_tail
   use lapwing_flank_table, only: te_table_t
+  use lapwing_flow, only: curve_t, start_order
   use lapwing_flow_exact_interval_bounds, only: blocks_t
-  use lapwing_flow_exact_panels, only: closed_form_t, response_at, start_order, reach
+  use lapwing_flow_exact_panels, only: closed_form_t, response_at, reach
   use lapwing_polynomial_evaluation, only: max_degree
   implicit none
   private
@@ -30,21 +31,6 @@ module lapwing_flow_exact_curve
     type(blocks_t) :: blocks              !! and bounded together, where there is much of it
     real(wp), allocatable :: bend(:)      !! -g''/2 of each piece, where all are parabolas and few
   end type scene_t
-
-  !> One arc.
-  type :: curve_t
-    logical :: contact = .false.          !! in contact, or in flight
-    integer :: degree = -1                !! of its series, as far as it is known
-    integer :: piece = 1                  !! piece of the flank at the beginning
-    real(wp) :: t = 0                     !! cycle time of s = 0
-    real(wp) :: x = 0, v = 0              !! position and velocity there
-    real(wp) :: near = -1                 !! the Taylor series holds up to this s
-    real(wp) :: taylor(0:start_order)    !! of x about s = 0, once expanded
-    real(wp) :: flank(2) = 0              !! g and g' at s = 0, in flight
-    real(wp) :: free(2) = 0               !! d and d' at s = 0, in contact
-    logical :: is_turned = .false.        !! whether the series' terms at s = 0 are known
-    type(turned_t) :: turned              !! those
-  end type curve_t
 
 contains
 
@@ -114,7 +100,7 @@ contains
       call expand_fully(scene, curve)
       return
     end if
-    call expand_shortly(scene, curve)
+    if (curve%near < 0) call expand_shortly(scene, curve)
     if (.not. goes_on(scene, curve)) return
     do n = max_degree + 2, start_order, 2
       if (length <= curve%near) return

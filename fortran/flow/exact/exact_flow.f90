@@ -7,12 +7,12 @@ module lapwing_flow_exact_exact_flow
   use lapwing_flow, only: flow_t, arc_t, reached_t, work_t, step_memory_t, listener_t, &
       instant_on, at_stop
   use lapwing_flow_exact_contact, only: contact_end, rigid_contact_end
-  use lapwing_flow_exact_extrema, only: next_turn, farthest_of => farthest
+  use lapwing_flow_exact_extrema, only: next_near_turn, farthest_of => farthest
   use lapwing_flow_exact_flight, only: end_t, flight_end, bounce, least_width
   use lapwing_flow_exact_interval_bounds, only: make_blocks
   use lapwing_flow_exact_curve, only: scene_t, curve_t, begin_curve, expand_start, expand_fully, &
       expand_over, is_smooth
-  use lapwing_flow_exact_motion, only: curve_at, acceleration_at
+  use lapwing_flow_exact_motion, only: curve_at
   use lapwing_flow_exact_panels, only: most_panels
   use lapwing_flow_exact_piecewise_flights, only: find_bends, flight_over_parabolas, &
       farthest_over_parabolas
@@ -142,7 +142,7 @@ contains
       call flight_over_parabolas(self%scene(on_moving), arc%begin, arc%frame%piece, &
           walls(self, reached%chart), arc%frame%stop, at)
     else
-      call end_of_curve(self, arc%begin, arc%frame, at, reached%chart)
+      call end_of_curve(self, arc%begin, arc%frame, arc%curve, at, reached%chart)
     end if
     reached%flank = at%flank
     reached%s = at%s
@@ -160,13 +160,13 @@ contains
   end subroutine advance
 
   !> The end of an arc that takes a curve.
-  subroutine end_of_curve(self, begin, frame, at, chart)
+  subroutine end_of_curve(self, begin, frame, curve, at, chart)
     class(exact_flow_t), intent(in) :: self
     type(instant_t), intent(in) :: begin         !! where it begins
     type(frame_t), intent(in) :: frame           !! its frame
+    type(curve_t), intent(inout) :: curve        !! the curve
     type(end_t), intent(out) :: at               !! the end
     integer, intent(inout) :: chart              !! flank that positions refer to; then the end's
-    type(curve_t) :: curve
     call curve_of_arc(self, begin, chart, frame%piece, curve)
     if (begin%motion_state /= separation) then
       call contact_end(self%scene(view(self, chart)), curve, begin%motion_state, &
@@ -213,6 +213,28 @@ contains
           locate_piece(scene%flank, instant%t, piece), y(1), y(2), curve)
     end associate
   end subroutine curve_of_arc
+
+  !> The curve of an arc seen from a flank: the one it was followed by, if that begins with it.
+  pure subroutine curve_of(self, arc, flank, curve)
+    class(exact_flow_t), intent(in) :: self
+    type(arc_t), intent(in) :: arc               !! an arc it moved along
+    integer, intent(in) :: flank
+    type(curve_t), intent(out) :: curve          !! the curve
+    real(wp) :: y(2)
+    associate (begin => arc%begin, last => arc%curve)
+      if (last%near < 0 .or. allocated(self%of%fixed) .or. last%t /= begin%t .or. &
+          last%x /= begin%y(1) .or. last%v /= begin%y(2) .or. last%contact .or. &
+          begin%motion_state /= separation) then
+        call curve_of_arc(self, begin, flank, begin%piece, curve)
+        return
+      end if
+      curve = last
+      if (flank == begin%chart) return
+      y = state_from(self, begin, flank)
+      curve%x = y(1)
+      curve%taylor(0) = y(1)
+    end associate
+  end subroutine curve_of
 
   !> Positions of the two flanks seen from one of them, both moving with g.
   pure function walls(self, chart) result(wall)
@@ -277,7 +299,7 @@ contains
     type(frame_t), intent(inout) :: frame        !! without effect
     real(wp), intent(out) :: y(max_states)       !! position and velocity
     type(curve_t) :: curve
-    call curve_of_arc(self, arc%begin, arc%begin%chart, arc%begin%piece, curve)
+    call curve_of(self, arc, arc%begin%chart, curve)
     y = 0
     associate (scene => self%scene(view(self, arc%begin%chart)))
       call expand_fully(scene, curve)
@@ -309,50 +331,31 @@ contains
     class(listener_t), intent(inout) :: listener  !! who hears of it
     type(work_t), intent(inout) :: work           !! counts
     type(curve_t) :: curve
+    type(instant_t) :: instant
+    type(frame_t) :: frame
+    real(wp) :: inward, from, s
     integer :: flank
+    logical :: found
     do flank = drive_flank, self%of%n_flanks
       if (arc%begin%motion_state /= separation .and. arc%begin%motion_state /= flank) cycle
       work%graze_searches = work%graze_searches + 1
-      call curve_of_arc(self, arc%begin, flank, arc%begin%piece, curve)
-      call expand_fully(self%scene(view(self, flank)), curve)
-      call turns_near_flank(self, self%scene(view(self, flank)), system, arc, curve, flank, &
-          within, listener)
+      inward = merge(1.0_wp, -1.0_wp, (arc%begin%motion_state == separation) .eqv. &
+          flank == coast_flank)
+      frame = arc%frame
+      call curve_of(self, arc, flank, curve)
+      associate (scene => self%scene(view(self, flank)))
+        call expand_fully(scene, curve)
+        from = 0
+        do
+          call next_near_turn(scene, curve, inward, within, from, arc%length, found, s)
+          if (.not. found) exit
+          call instant_on(self, system, arc, s, frame, instant)
+          call listener%hear(flank, instant)
+          from = s
+        end do
+      end associate
     end do
   end subroutine near_turns
-
-  !> The same near one flank.
-  subroutine turns_near_flank(self, scene, system, arc, curve, flank, within, listener)
-    class(exact_flow_t), intent(in) :: self
-    type(scene_t), intent(in) :: scene            !! seen from the flank
-    class(system_t), intent(in) :: system         !! what moves
-    type(arc_t), intent(in) :: arc                !! an arc it moved along
-    type(curve_t), intent(in) :: curve            !! the arc, seen from the flank
-    integer, intent(in) :: flank
-    real(wp), intent(in) :: within                !! what is near, rad
-    class(listener_t), intent(inout) :: listener  !! who hears of it
-    type(instant_t) :: instant
-    type(frame_t) :: frame
-    real(wp) :: from, s, distance, v, bend, inward
-    integer :: panel
-    logical :: found
-    frame = arc%frame
-    inward = merge(1.0_wp, -1.0_wp, (arc%begin%motion_state == separation) .eqv. &
-        flank == coast_flank)
-    from = 0
-    do
-      call next_turn(scene, curve, inward, within, from, arc%length, found, s)
-      if (.not. found) exit
-      panel = panel_in_contact(scene, curve, s)
-      call curve_at(scene, curve, panel, s, distance, v)
-      bend = inward*acceleration_at(scene, curve, panel, s, distance, v)
-      distance = inward*distance
-      if (distance > 0 .and. distance <= within .and. bend > 0) then
-        call instant_on(self, system, arc, s, frame, instant)
-        call listener%hear(flank, instant)
-      end if
-      from = s
-    end do
-  end subroutine turns_near_flank
 
   !> Largest distance from the drive flank, or depth in the coast flank.
   subroutine farthest(self, system, arc, flank, least, largest, work)
@@ -372,7 +375,7 @@ contains
             arc%length, least)
         return
       end if
-      call curve_of_arc(self, arc%begin, flank, arc%begin%piece, curve)
+      call curve_of(self, arc, flank, curve)
       call expand_over(scene, curve, arc%length)
       largest = farthest_of(scene, curve, -1.0_wp, arc%length, least)
     end associate

@@ -1,20 +1,21 @@
 !> What observers ask of an arc in closed form: where it turns, and how far it goes.
 module lapwing_flow_exact_extrema
   use lapwing_kinds, only: wp
+  use lapwing_flow, only: start_order
   use lapwing_flow_exact_curve, only: scene_t, curve_t, is_smooth
-  use lapwing_flow_exact_motion, only: curve_at, curve_taylor, fly_from, flight_series, &
-      flight_bound
+  use lapwing_flow_exact_motion, only: curve_at, curve_taylor, acceleration_at, flight_in, &
+      flight_at_edge, flight_series, flight_bound
   use lapwing_flow_exact_piecewise_flights, only: farthest_over_pieces
   use lapwing_flow_exact_interval_bounds, only: widest_level, block_at, last_in_block
   use lapwing_flow_exact_panels, only: locate_panel, free_size
   use lapwing_flow_exact_root_search, only: first_turn
   use lapwing_system_oscillation, only: n_taylor, free_after
   use lapwing_flow_exact_slow_contact, only: slow_turn, slow_farthest, panel_in_contact
-  use lapwing_polynomial_evaluation, only: max_degree, jet, bernstein_on
+  use lapwing_polynomial_evaluation, only: max_degree, bernstein_on
   use lapwing_polynomial_roots, only: raise_to_turn
   implicit none
   private
-  public :: next_turn, farthest
+  public :: next_near_turn, next_turn, farthest
 
   !> A velocity in contact that is less than this part of the depth, per unit of tau, is rounding.
   real(wp), parameter :: still = 1000*epsilon(1.0_wp)
@@ -22,6 +23,31 @@ module lapwing_flow_exact_extrema
   integer, parameter :: most_leaps = 1000
 
 contains
+
+  !> First time after `from`, which is zero or that of a turn, at which sign*x turns upwards,
+  !> positive and not beyond `within`.
+  pure subroutine next_near_turn(scene, curve, sign, within, from, until, found, s)
+    type(scene_t), intent(in) :: scene
+    type(curve_t), intent(in) :: curve         !! arc, its series known
+    real(wp), intent(in) :: sign               !! +1 or -1
+    real(wp), intent(in) :: within             !! largest sign*x that is asked for
+    real(wp), intent(in) :: from, until        !! times since its beginning
+    logical, intent(out) :: found              !! whether there is one
+    real(wp), intent(out) :: s                 !! when
+    real(wp) :: begin, x, v
+    integer :: panel
+    begin = from
+    do
+      call next_turn(scene, curve, sign, within, begin, until, found, s)
+      if (.not. found) return
+      panel = panel_in_contact(scene, curve, s)
+      call curve_at(scene, curve, panel, s, x, v)
+      if (sign*x > 0 .and. sign*x <= within) then
+        if (sign*acceleration_at(scene, curve, panel, s, x, v) > 0) return
+      end if
+      begin = s
+    end do
+  end subroutine next_near_turn
 
   !> First time after `from`, which is zero or such a time itself, where the velocity relative to
   !> the flank changes sign; of turns with sign*x > within some may be left out. Where a tooth
@@ -122,6 +148,7 @@ contains
     real(wp), intent(in) :: sign               !! +1: the largest x, -1: the smallest
     real(wp), intent(in) :: until              !! end of the arc
     real(wp), intent(in) :: least              !! value known already
+    real(wp) :: c(0:start_order)
     logical :: found
     if (.not. curve%contact) then
       if (.not. is_smooth(scene%flank)) then
@@ -130,7 +157,8 @@ contains
       end if
       if (until <= curve%near) then
         farthest = max(least, sign*curve%x)
-        call raise_to_turn(sign*curve%taylor(0:curve%degree), 0.0_wp, until, farthest, found)
+        c = sign*curve%taylor
+        call raise_to_turn(c(:curve%degree), 0.0_wp, until, farthest, found)
         if (found) return
       end if
       farthest = farthest_over_series(scene, curve, sign, until, least)
@@ -151,44 +179,56 @@ contains
     real(wp), intent(in) :: sign               !! +1: the largest x, -1: the smallest
     real(wp), intent(in) :: until              !! end of the arc
     real(wp), intent(in) :: least              !! value known already
-    real(wp) :: begin, finish, from(2), to(2)
+    real(wp) :: begin, finish, after, from(2), to(2)
     integer :: panel, last
     most = max(least, sign*curve%x)
-    panel = locate_panel(scene%form, curve%t)
-    if (scene%blocks%panels%levels > 0) call look_at_ends(scene, curve, sign, until, &
-        scene%blocks%panels%levels, panel, most)
-    from = sign*[curve%x, curve%v]
     begin = 0
+    finish = until
+    call narrow(scene, curve, sign, until, most, begin, finish)
+    if (begin >= finish) return
+    panel = locate_panel(scene%form, curve%t + begin)
+    begin = max(scene%form%edge(panel) - curve%t, 0.0_wp)
+    from = sign*[curve%x, curve%v]
+    if (begin > 0) from = sign*flight_at_edge(scene, curve, panel, begin)
+    if (scene%blocks%panels%levels > 0) call look_at_ends(scene, curve, sign, finish, &
+        scene%blocks%panels%levels, panel, most)
     do
-      call pass_block(scene, curve, sign, panel, begin, until, most, last, finish)
-      to = sign*flight_in(scene, curve, last, finish)
+      call pass_block(scene, curve, sign, panel, begin, until, most, last, after)
+      to = sign*flight_in(scene, curve, last, after)
       most = max(most, to(1))
-      if (last == panel) call raise_in_panel(scene, curve, sign, panel, begin, finish, from, to, &
+      if (last == panel) call raise_in_panel(scene, curve, sign, panel, begin, after, from, to, &
           most)
-      if (finish >= until .or. last == scene%form%n) return
-      begin = finish
+      if (after >= finish .or. last == scene%form%n) return
+      begin = after
       from = to
       panel = last + 1
     end do
   end function farthest_over_series
 
-  !> Position and velocity of a flight over a series at a time in a panel.
-  pure function flight_in(scene, curve, panel, s) result(state)
+  !> The part of a flight that may exceed what is known, raised at the turn of theta first: where
+  !> theta turns down or up, as is asked for, it may within an interval about that only.
+  pure subroutine narrow(scene, curve, sign, until, most, begin, finish)
     type(scene_t), intent(in) :: scene
-    type(curve_t), intent(in) :: curve         !! arc
-    integer, intent(in) :: panel
-    real(wp), intent(in) :: s                  !! time since the arc began
-    real(wp) :: state(2), g, slope, bend
-    if (curve%t + s >= scene%form%edge(panel + 1)) then
-      g = scene%form%g_taylor(0, panel + 1)
-      slope = scene%form%g_taylor(1, panel + 1)
-    else
-      associate (here => scene%form%panel(panel))
-        call jet(n_taylor, here%g, curve%t + s - here%middle, g, slope, bend)
-      end associate
-    end if
-    call fly_from(scene, curve, s, g, slope, state(1), state(2))
-  end function flight_in
+    type(curve_t), intent(in) :: curve         !! arc, the flank's motion at its beginning known
+    real(wp), intent(in) :: sign               !! +1 or -1
+    real(wp), intent(in) :: until              !! end of the arc
+    real(wp), intent(inout) :: most            !! largest value
+    real(wp), intent(inout) :: begin, finish   !! the arc; then that part, empty if begin >= finish
+    real(wp) :: a, rate, turn, room, x(2)
+    a = -sign*scene%force
+    if (.not. a > 0) return
+    rate = sign*(curve%v + curve%flank(2))
+    turn = min(max(rate/a, 0.0_wp), until)
+    x = sign*flight_in(scene, curve, locate_panel(scene%form, curve%t + turn), turn)
+    most = max(most, x(1))
+    ! What sign*theta exceeds at its turn, beyond all that the flank may add.
+    room = (sign*(curve%x + curve%flank(1)) + 0.5_wp*rate**2/a) &
+        + (merge(-scene%form%g_low, scene%form%g_high, sign > 0) - most)
+    begin = finish
+    if (room <= 0) return
+    begin = max((rate - sqrt(2*a*room))/a, 0.0_wp)
+    finish = min((rate + sqrt(2*a*room))/a, until)
+  end subroutine narrow
 
   !> Raise `most` to the largest sign*x in part of a panel, in flight over a series.
   pure subroutine raise_in_panel(scene, curve, sign, panel, begin, finish, from, to, most)
@@ -303,7 +343,7 @@ contains
     integer, intent(in) :: widest              !! level of blocks, at most
     integer, intent(in) :: first               !! panel
     real(wp), intent(inout) :: most            !! largest value
-    real(wp) :: finish, x, v
+    real(wp) :: finish
     integer :: last
     last = first
     do
@@ -311,19 +351,24 @@ contains
           last)), last)
       finish = scene%form%edge(last + 1) - curve%t
       if (finish >= until) exit
-      if (.not. curve%contact .and. finish > curve%near) then
-        call fly_from(scene, curve, finish, scene%form%g_taylor(0, last + 1), &
-            scene%form%g_taylor(1, last + 1), x, v)
-      else
-        call curve_at(scene, curve, last, finish, x, v)
-      end if
-      most = max(most, sign*x)
+      most = max(most, height(last, finish))
       if (last == scene%form%n) return
       last = last + 1
     end do
-    last = min(last, locate_panel(scene%form, curve%t + until))
-    call curve_at(scene, curve, last, until, x, v)
-    most = max(most, sign*x)
+    most = max(most, height(min(last, locate_panel(scene%form, curve%t + until)), until))
+  contains
+    !> sign*x at a time on a panel, or at its end.
+    pure real(wp) function height(panel, s)
+      integer, intent(in) :: panel
+      real(wp), intent(in) :: s                !! time since the arc began
+      real(wp) :: state(2)
+      if (curve%contact) then
+        call curve_at(scene, curve, panel, s, state(1), state(2))
+      else
+        state = flight_in(scene, curve, panel, s)
+      end if
+      height = sign*state(1)
+    end function height
   end subroutine look_at_ends
 
   !> Upper bound of sign*x over a block, in flight from ranges of g and of the parabola, in contact

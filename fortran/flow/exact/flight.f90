@@ -6,11 +6,12 @@
 module lapwing_flow_exact_flight
   use lapwing_kinds, only: wp
   use lapwing_codes, only: no_flank, drive_flank, coast_flank
+  use lapwing_flow, only: start_order
   use lapwing_flow_exact_curve, only: scene_t, curve_t, expand_start, expand_fully, is_smooth
-  use lapwing_flow_exact_motion, only: curve_at, fly_from, fly_to_knot, flight_series, &
+  use lapwing_flow_exact_motion, only: curve_at, flight_at_edge, fly_to_knot, flight_series, &
       flight_on_piece, range_of_flight
   use lapwing_flow_exact_interval_bounds, only: widest_level, block_at, last_in_block
-  use lapwing_flow_exact_panels, only: closed_form_t, locate_panel, start_order, reach
+  use lapwing_flow_exact_panels, only: closed_form_t, locate_panel, reach
   use lapwing_system_oscillation, only: n_taylor
   use lapwing_flow_exact_root_search, only: target_t, first_crossing, quick_return, only_zero
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, bernstein_on, &
@@ -215,7 +216,7 @@ contains
     integer, intent(in) :: touching            !! flank at zero distance, left at s = 0
     real(wp), intent(in) :: stop               !! latest end
     type(end_t), intent(out) :: at             !! the end
-    real(wp) :: from, to, theta, rate, next, b(0:max_degree), sag
+    real(wp) :: from, to, theta, rate, next, b(0:max_degree), sag, state(2)
     integer :: panel
     logical :: out(2), may_skip
     associate (form => scene%form)
@@ -260,8 +261,9 @@ contains
       end do
       at%s = stop
       if (stop > curve%near .and. curve%t + stop >= form%edge(panel + 1)) then
-        call fly_from(scene, curve, stop, form%g_taylor(0, panel + 1), &
-            form%g_taylor(1, panel + 1), at%x, at%v)
+        state = flight_at_edge(scene, curve, panel + 1, stop)
+        at%x = state(1)
+        at%v = state(2)
       else
         call curve_at(scene, curve, panel, stop, at%x, at%v)
       end if

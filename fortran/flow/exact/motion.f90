@@ -8,12 +8,12 @@ module lapwing_flow_exact_motion
   use lapwing_flow_exact_curve, only: scene_t, curve_t, motion_taylor, is_smooth
   use lapwing_flow_exact_panels, only: free_size, response_on
   use lapwing_system_oscillation, only: free_after, lasting, lasting_t, near_matrix, n_taylor
-  use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope
+  use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, jet
   implicit none
   private
-  public :: curve_at, curve_taylor, rest_after, acceleration_at, fly_from, fly_to_knot
-  public :: free_in_middle, contact_series, flight_series, flight_on_piece, range_of_flight, &
-      flight_bound
+  public :: curve_at, curve_taylor, rest_after, acceleration_at
+  public :: fly_to_knot, flight_in, flight_at_edge, flight_series, flight_on_piece
+  public :: free_in_middle, contact_series, range_of_flight, flight_bound
 
 contains
 
@@ -125,6 +125,34 @@ contains
     x = curve%x + (rate + 0.5_wp*scene%force*s)*s - (g - curve%flank(1))
     v = rate + scene%force*s - slope
   end subroutine fly_from
+
+  !> Position and velocity of a flight over a series at a time in a panel.
+  pure function flight_in(scene, curve, panel, s) result(state)
+    type(scene_t), intent(in) :: scene
+    type(curve_t), intent(in) :: curve         !! arc
+    integer, intent(in) :: panel
+    real(wp), intent(in) :: s                  !! time since the arc began
+    real(wp) :: state(2), g, slope, bend
+    if (curve%t + s >= scene%form%edge(panel + 1)) then
+      state = flight_at_edge(scene, curve, panel + 1, s)
+    else
+      associate (here => scene%form%panel(panel))
+        call jet(n_taylor, here%g, curve%t + s - here%middle, g, slope, bend)
+      end associate
+      call fly_from(scene, curve, s, g, slope, state(1), state(2))
+    end if
+  end function flight_in
+
+  !> The same where a panel begins, or the last one ends.
+  pure function flight_at_edge(scene, curve, panel, s) result(state)
+    type(scene_t), intent(in) :: scene
+    type(curve_t), intent(in) :: curve         !! arc
+    integer, intent(in) :: panel
+    real(wp), intent(in) :: s                  !! time since the arc began
+    real(wp) :: state(2)
+    call fly_from(scene, curve, s, scene%form%g_taylor(0, panel), scene%form%g_taylor(1, panel), &
+        state(1), state(2))
+  end function flight_at_edge
 
   !> Position and velocity of a flight at the beginning of a piece.
   pure subroutine fly_to_knot(scene, curve, piece, x, v)

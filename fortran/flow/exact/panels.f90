@@ -24,7 +24,7 @@ module lapwing_flow_exact_panels
   private
   public :: closed_form_t, panel_t, cut_evenly, cut_pieces, copy_panels, bound_free_part
   public :: locate_panel, response_at, response_on, free_size, ordinary_panels, reach
-  public :: has_slow_response, panel_span, most_panels, start_order, bound_order
+  public :: has_slow_response, panel_span, most_panels, bound_order
 
   !> A panel lasts at most this over the fastest rate: the first term that a series of order 15
   !> about its middle leaves out, (rate*half)**16/16!, is a quarter of a rounding, and what the
@@ -35,7 +35,6 @@ module lapwing_flow_exact_panels
   integer, parameter :: most_panels = 100000
   !> A Taylor series of order n is exact to rounding where rate*s is below its reach: the first term
   !> left out, (rate*s)**(n + 1)/(n + 1)!, against the second one, (rate*s)**2/2.
-  integer, parameter :: start_order = 13   !! highest order of a series about an arc's beginning
   real(wp), parameter :: half_factorial(5) = [360.0_wp, 20160.0_wp, 1814400.0_wp, &
       239500800.0_wp, 43589145600.0_wp]     !! (n + 1)!/2 for n = 5, 7, ... 13
   real(wp), parameter :: reaches(5) = (epsilon(1.0_wp)*half_factorial) &
