@@ -113,7 +113,8 @@ class SpecialPoint(IntEnum):
     POINTS: as many points as were asked for. UNRESOLVED: what ends it was not found out.
     ENGAGED: the last separation vanishes; from here on the motion is the engaged one.
     APERIODIC: motions without a period rattle on one side and come to rest on the other; this is no
-    point of a branch, but a bracket.
+    point of a branch, but a bracket. JOINS: the branch comes upon a special point that it has
+    passed already; what follows is known.
     """
 
     NONE = 0
@@ -133,6 +134,7 @@ class SpecialPoint(IntEnum):
     UNRESOLVED = 14
     APERIODIC = 15
     ENGAGED = 16
+    JOINS = 17
 
 
 class BranchOutcome(IntEnum):

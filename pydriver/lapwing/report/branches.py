@@ -32,6 +32,8 @@ EVENTS = {
                             "of it dies in 128,000 mesh cycles, above the bracket all do",
     SpecialPoint.LIMIT: "the end of the values looked at, not of the rattling",
     SpecialPoint.POINTS: "the end of the points asked for, not of the rattling",
+    SpecialPoint.CLOSED: "the branch's own beginning",
+    SpecialPoint.JOINS: "a part of the branch that is known",
     SpecialPoint.UNRESOLVED: "an event that was not resolved",
     SpecialPoint.NONE: "contact is kept from here on"}
 # Ends that are none of the rattling.

@@ -23,6 +23,7 @@ from lapwing.studies.branch.motion.witness import NUMERICS, states_at
 from lapwing.studies.branch.special import Kind, Outcome, Point, Special
 from lapwing.studies.branch.trace.beyond import beyond
 from lapwing.studies.branch.trace.follower import Follower
+from lapwing.studies.branch.trace.passed import Passed
 from lapwing.studies.branch.trace.path import Path, follow
 from lapwing.studies.orbit import NoOrbit, Orbit, find_orbit
 
@@ -172,7 +173,7 @@ class Branch:
         z = np.concatenate([place.z[:-1], later, place.z[-1:]])
         along = np.concatenate([flip, -flip, [0.0]])
         along /= math.sqrt(float(problem.weights(layout) @ along**2))
-        self.follower.births.clear()
+        self.follower.forget()
         path = follow(self.follower, Place(layout, z, along), points, beyond, critical=True,
                       unstable=unstable)
         begun = replace(special, outcome=Outcome.ENDS, words="leaves the branch of half its period",
@@ -261,11 +262,13 @@ def both_ways(follower: Follower, layout: Any, z: NDArray[Any], points: int,
     along = np.zeros(len(z))
     along[-1] = 1.0
     start = follower.place(layout, z, along)
-    up = follow(follower, start, points, beyond, unstable=unstable)
+    passed = Passed()
+    up = follow(follower, start, points, beyond, unstable=unstable, passed=passed)
     if up.end.kind is Kind.CLOSED:
         return _joined(follower, up, up.end)
-    follower.births.clear()
-    down = follow(follower, Place(layout, z, -start.tangent), points, beyond, unstable=unstable)
+    follower.forget()
+    down = follow(follower, Place(layout, z, -start.tangent), points, beyond, unstable=unstable,
+                  passed=passed.behind())
     return _joined(follower, up, down.end, down)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from lapwing.studies.branch.motion.curve import NotCorrected
 from lapwing.studies.branch.special import Kind, Outcome
-from lapwing.studies.branch.trace.path import is_back
+from lapwing.studies.branch.trace.passed import is_back
 from lapwing.studies.curve.condition import SMOOTH
 from lapwing.studies.curve.sheet import Spot
 from lapwing.studies.curve.trace import NOT_ZERO, Meeting, State, Tracer

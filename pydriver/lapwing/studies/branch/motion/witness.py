@@ -70,8 +70,8 @@ def in_full(problem: Problem, layout: Layout, z: NDArray[Any]) -> tuple[Layout, 
                                        float(events.phase[k]), -float(after[k]))
         rows = [np.full(len(phase), Happening.REBOUND), np.full(len(phase), layout.flank[k]),
                 motion.piece(phase), phase, speed]
-        # What leads to the first event lies behind the last one.
-        where = int(end) or layout.n
+        # What leads to the first event lies behind the last one, whatever was inserted before.
+        where = int(end) or len(columns[0])
         columns = [np.insert(one, where, new) for one, new in zip(columns, rows, strict=True)]
     kind, flank, piece, phases, speeds = columns
     return (of_parts(kind, flank, piece, layout.cycles, osc.contact_law == "rigid"),

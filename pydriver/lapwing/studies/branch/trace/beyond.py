@@ -31,6 +31,7 @@ from lapwing.studies.branch.motion.witness import (
     states_at,
 )
 from lapwing.studies.branch.special import Kind, Outcome, Special
+from lapwing.studies.branch.trace.corner import around, piled_up
 from lapwing.studies.branch.trace.follower import Crossing, Follower
 
 # Events so near to each other, mesh periods, with no speed, come to nothing together.
@@ -238,6 +239,9 @@ def _chatter_born(follower: Follower, place: Place) -> Place | None:
 
 def _stuck(follower: Follower, why: str, place: Place) -> tuple[Special, Place | None]:
     """No step further was found: what lies beyond is asked, and differs by name."""
+    corner = around(follower, place)
+    if corner is not None:
+        return _at_corner(follower, place, *corner)
     after, point = _asked(follower, place), follower.point(place)
     kind, words, error, flank, phase = Kind.UNRESOLVED, why, math.nan, 0, math.nan
     if after is not None:
@@ -282,6 +286,22 @@ def _last_complete(follower: Follower, place: Place, beyond: float) -> tuple[Pla
         except NotCorrected:
             dead = float(z[-1])
     return alive, (abs(dead - alive.z[-1]) + SUMMED * max(1.0, abs(dead))) * problem.unit
+
+
+def _at_corner(follower: Follower, place: Place, behind: Place,
+               error: float) -> tuple[Special, Place | None]:
+    """A bounce of a chatter that is not listed passes a jump of the curvature."""
+    point = follower.point(place)
+    pile = piled_up(follower, point.value)
+    if pile is not None:
+        return Special(Kind.KNOT, Outcome.ENDS, *pile,
+                       "the end of a chatter comes upon a jump of the curvature: corners, one for "
+                       "each bounce, pile up", 0, math.nan, place, point.multipliers), None
+    outcome = Outcome.PERSISTS if behind.tangent[-1] * place.tangent[-1] > 0 \
+        else Outcome.TURNS_BACK
+    return Special(Kind.KNOT, outcome, point.value, error,
+                   "a bounce of a chatter passes a jump of the curvature", 0, math.nan, place,
+                   point.multipliers), behind
 
 
 def _with_impact(follower: Follower, place: Place, turn: Turn, rigid: bool) -> Place | None:

@@ -38,8 +38,11 @@ from lapwing.studies.branch.special import Kind, Outcome, Point, Special
 
 # The parameter nearly turns where it moves slower than this part of its rate at either side.
 NEARLY = 0.3
-# A monitor function that is larger where it changes its sign jumps there.
-NOT_ZERO = 1e-5
+# A monitor function that is larger where it changes its sign jumps there; so does the direction of
+# the parameter where it is more than this part of what it is at the ends of the step.
+NOT_ZERO, NOT_TURNED = 1e-5, 1e-3
+# Halves of a repetition whose unknowns differ by less are alike.
+ALIKE = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +70,7 @@ class Follower:
     low, high : float, range of the parameter
     distance : float, rad; turns nearer to a flank than this are watched
     births : list of float, values at which impacts were born one after the other
+    corners : list of float, values at which a bounce after the other passed a jump of the curvature
     """
 
     problem: Problem
@@ -74,6 +78,12 @@ class Follower:
     high: float
     distance: float
     births: list[float] = field(default_factory=list)
+    corners: list[float] = field(default_factory=list)
+
+    def forget(self) -> None:
+        """What is followed now begins elsewhere."""
+        self.births.clear()
+        self.corners.clear()
 
     def point(self, place: Place) -> Point:
         """What there is to know at a place."""
@@ -97,6 +107,8 @@ class Follower:
         layout = moved_on(self.problem, place.layout, z)
         if layout is not place.layout:
             z, _ = corrected(self.problem, layout, z, weights * place.tangent)
+            if moved_on(self.problem, layout, z) is not layout:
+                raise NotCorrected("a bounce lies on neither side of a knot")
         return self.place(layout, z, place.tangent), count
 
     def root(self, place: Place, step: float,
@@ -208,9 +220,22 @@ class Follower:
                 there, error = self.root(before.place, step, value)
             except NotCorrected:
                 continue
-            if abs(value(there)) > NOT_ZERO:  # at a border the trace passes infinity
+            most = NOT_ZERO if kind is not Kind.FOLD else min(
+                NOT_ZERO, NOT_TURNED * max(abs(one[kind]), abs(two[kind])))
+            if abs(value(there)) > most:  # at a border the trace passes infinity
                 continue
             yield self._along(before.place, there), self.named(there, kind, error)
+
+    def turns(self, place: Place, ahead: Place, step: float) -> bool:
+        """Whether the parameter turns between two places as a curve does, or goes on."""
+        one, two = float(place.tangent[-1]), float(ahead.tangent[-1])
+        if one * two >= 0:
+            return True
+        try:
+            there, _ = self.root(place, step, lambda p: float(p.tangent[-1]))
+        except NotCorrected:
+            return False
+        return abs(float(there.tangent[-1])) < NOT_TURNED * max(abs(one), abs(two))
 
     def named(self, place: Place, kind: Kind, error: float) -> Special:
         """A smooth special point."""
@@ -279,6 +304,9 @@ def _halves_alike(place: Place) -> bool:
     layout, n = place.layout, place.layout.n
     if layout.cycles % 2 or n % 2 or not np.array_equal(layout.kind[:n // 2], layout.kind[n // 2:]):
         return False
-    away = place.z[n:-1] - place.z[:n]
+    away, along = place.z[n:-1] - place.z[:n], place.tangent
     away[::2] -= layout.cycles // 2
-    return bool(np.max(np.abs(away)) < 1e-5)
+    apart = float(np.max(np.abs(away)))
+    # They part as the root of the distance from where they are alike, one the other way.
+    parts = float(np.max(np.abs(along[n:-1] + along[:n]))) / float(np.max(np.abs(along[:-1])))
+    return apart < ALIKE or (apart < 10 * ALIKE and parts < 1e-3)

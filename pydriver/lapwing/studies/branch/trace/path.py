@@ -31,6 +31,7 @@ from lapwing.studies.branch.motion.witness import (
 )
 from lapwing.studies.branch.special import Kind, Outcome, Point, Special
 from lapwing.studies.branch.trace.follower import Crossing, Follower
+from lapwing.studies.branch.trace.passed import Passed, same_place
 
 # Steps in the measure of length: mesh periods, scaled speeds, parts of the range.
 FIRST_STEP, LONGEST, SHORTEST = 1e-3, 0.1, 1e-10
@@ -38,8 +39,11 @@ FIRST_STEP, LONGEST, SHORTEST = 1e-3, 0.1, 1e-10
 SWITCHED = 1e-2
 # After a border the multipliers change fast; the first step is short and each is twice the last.
 AFTER_BORDER = 1e-6
-# Cosine of the most that the tangent may turn in one step.
-TURN = 0.85
+# Cosine of the most that the tangent may turn in one step, and how much farther than by the rate at
+# either end the parameter may move, but for rounding: more, and it is another curve that was met.
+TURN, FASTER, LEAST_MOVE = 0.85, 2.0, 1e-9
+
+AGAIN = Kind.JOINS, "at a special point that it has passed already"
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +59,8 @@ Beyond = Callable[[Follower, Crossing | str, Place], tuple[Special, Place | None
 
 
 def follow(follower: Follower, start: Place, most: int, beyond: Beyond,
-           critical: bool = False, unstable: int | None = None) -> Path:
+           critical: bool = False, unstable: int | None = None,
+           passed: Passed | None = None) -> Path:
     """Follow a branch until a reason ends it.
 
     1. A step along the tangent, corrected; halved where that fails, turns too far, or lands
@@ -66,7 +71,8 @@ def follow(follower: Follower, start: Place, most: int, beyond: Beyond,
     4. Smooth special points in between are located, and the next step begins.
     5. At a border `beyond` tells what happens and where the branch goes on.
 
-    After so many points in a row that are `unstable` it ends, too.
+    After so many points in a row that are `unstable` it ends, too, and where it comes upon a
+    special point that was `passed` already.
 
     Where a multiplier of the start is 1 already (`critical`), nothing is said of its trace.
     """
@@ -74,6 +80,7 @@ def follow(follower: Follower, start: Place, most: int, beyond: Beyond,
     specials: list[tuple[int, Special]] = []
     place, step, turns = start, SWITCHED if critical else FIRST_STEP, _turns(follower, start)
     here = replace(points[0], trace=math.nan) if critical else points[0]
+    passed, length = passed or Passed(), 0.0
 
     def ended(kind: Kind, words: str) -> Path:
         return Path(points, specials, _ended(points[-1], kind, words))
@@ -103,11 +110,15 @@ def follow(follower: Follower, start: Place, most: int, beyond: Beyond,
                 specials.append((len(points) - 1, special))
                 if special.outcome is Outcome.ENDS:
                     return Path([*points, follower.point(special.place)], specials, special)
+                if passed.again(follower.problem, special, length):
+                    points.append(follower.point(special.place))
+                    return ended(*AGAIN)
+            length += taken.step
             points.append(follower.point(ahead))
             if outside:
                 return ended(Kind.LIMIT, "end of the range")
             if crossing is None:
-                if len(points) > 5 and _same_place(follower, start, ahead, taken.step):
+                if len(points) > 5 and same_place(follower.problem, start, ahead, taken.step):
                     return ended(Kind.CLOSED, "back where it began")
                 place, turns, step = taken.next, taken.turns, taken.longer
                 here = points[-1] if place is ahead else follower.point(place)
@@ -116,6 +127,8 @@ def follow(follower: Follower, start: Place, most: int, beyond: Beyond,
         specials.append((len(points) - 1, special))
         if after is None:
             return Path(points, specials, special)
+        if passed.again(follower.problem, special, length):
+            return ended(*AGAIN)
         place, turns = after, _turns(follower, after)
         step = FIRST_STEP if special.kind is Kind.KNOT else AFTER_BORDER
         here = follower.point(place)
@@ -174,12 +187,15 @@ def _taken(follower: Follower, place: Place, turns: list[Turn], borders: Borders
            step: float) -> Taken:
     problem = follower.problem
     ahead, count = follower.ahead(place, step, 8)
-    if problem.weights(place.layout) @ (place.tangent * ahead.tangent) < TURN and step > 1e-7:
+    if problem.weights(place.layout) @ (place.tangent * ahead.tangent) < TURN:
         raise NotCorrected("the curve turns")
+    _moved_alike(place, ahead, step)
     passed = follower.borders_passed(place, borders, ahead, step)
     if not passed:
         found = seen(problem, ahead.layout, ahead.z, follower.distance)
         if agrees(ahead.layout, ahead.z, found):
+            if not follower.turns(place, ahead, step):
+                raise NotCorrected("the parameter turns without a fold")
             longer = min(LONGEST, step * (2.0 if count <= 3 or step < FIRST_STEP else
                                           1.3 if count <= 5 else 1.0))
             after = _renewed(follower, ahead, found)
@@ -194,6 +210,15 @@ def _taken(follower: Follower, place: Place, turns: list[Turn], borders: Borders
             passed += follower.turns_passed(place, turns, border.place, border.at)
     first = min(passed, key=lambda one: one.at)
     return Taken(first.place, step, first, first.place, [], step)
+
+
+def _moved_alike(place: Place, ahead: Place, step: float) -> None:
+    """NotCorrected where the parameter moved otherwise than the rates at both ends let it."""
+    one, two = float(place.tangent[-1]), float(ahead.tangent[-1])
+    moved = float(ahead.z[-1] - place.z[-1])
+    if abs(moved) > FASTER * step * max(abs(one), abs(two)) + LEAST_MOVE \
+            or one * two > 0 > moved * one + LEAST_MOVE * abs(one):
+        raise NotCorrected("the parameter moves otherwise than the curve leads")
 
 
 def _renewed(follower: Follower, place: Place, found: Seen) -> Place:
@@ -227,27 +252,6 @@ def _without_bounces(follower: Follower, place: Place, summed: NDArray[Any]) -> 
     z, along = place.z[kept], place.tangent[kept]
     z, _ = corrected(problem, layout, z, problem.weights(layout) * along)
     return follower.place(layout, z, along)
-
-
-def _same_place(follower: Follower, one: Place, two: Place, step: float) -> bool:
-    if not one.layout.same(two.layout):
-        return False
-    return is_back(follower.problem.weights(one.layout), (one.z, one.tangent),
-                   (two.z, two.tangent), step)
-
-
-def is_back(weights: NDArray[Any], one: tuple[NDArray[Any], NDArray[Any]],
-            two: tuple[NDArray[Any], NDArray[Any]], step: float) -> bool:
-    """Whether two points, each with its tangent, lie within a step and go on the same way.
-
-    Parameters
-    ----------
-    weights : array (n,), of the components in a length
-    one, two : pairs of arrays (n,), point and tangent
-    step : float, a length
-    """
-    away = math.sqrt(float(weights @ (one[0] - two[0]) ** 2))
-    return away < step and float(weights @ (one[1] * two[1])) > 0.9
 
 
 def _ended(point: Point, kind: Kind, words: str) -> Special:
