@@ -27,6 +27,11 @@ MARKERS = {"fold": "^", "period_doubling": "o", "torus": "s", "branch_point": "P
 # them: those that are stable over the widest ranges.
 MOST_ROWS, NUMBERED = 30, 12
 ROWS_A_COLUMN = 10
+# Where sweeps reach so many times farther than most of what is stable on branches, the scale is
+# linear about that and logarithmic beyond it.
+FARTHER, MOST = 20.0, 90
+# More marks than these are smaller.
+CROWD = 60
 
 
 def shows(diagram: xr.Dataset) -> bool:
@@ -72,9 +77,12 @@ def draw(diagram: xr.Dataset, *, title: str | None = None,
     if section.get_legend_handles_labels()[0]:
         section.legend(loc="best", ncols=2)
     section.axhline(0, color="0.5", linewidth=0.8)
+    logarithmic = _wide(section, diagram)
     section.set_ylabel("φ at phase 0 (µrad)\n← separated   engaged →")
     section.set_title("(a) relative displacement once per mesh cycle: stable solid, unstable "
-                      "dashed; marks: special points" + "; dots: the sweep" * bool(sweeps))
+                      "dashed; marks: special points" + "; dots: the sweep" * bool(sweeps)
+                      + f"\n(the scale is logarithmic beyond ±{logarithmic:g} µrad)"
+                      * bool(logarithmic))
     arrivals.set_title("(b) arrivals at the drive flank per mesh cycle, bounces of a chatter "
                        "included")
     arrivals.set_ylabel("arrivals\nper cycle")
@@ -105,6 +113,21 @@ def _behind(axis: Axes, diagram: xr.Dataset, sweeps: Sequence[xr.Dataset]) -> No
             axis.set_ylim(below - margin, above + margin)
             dots(axis, x[inside], y[inside], {"size": 2.0, "alpha": 0.35, "color": "0.55"})
             axis.autoscale(enable=True, axis="y")
+
+
+def _wide(axis: Axes, diagram: xr.Dataset) -> float:
+    """A scale on which branches are seen beside far deeper motions: where it begins; 0: linear."""
+    if not shows(diagram):
+        return 0.0
+    stable = diagram["stable"].values[diagram["strobe_point"].values] > 0
+    size = np.abs(style.URAD * diagram["phi"].values)
+    most = float(np.percentile(size[stable] if stable.any() else size, MOST))
+    farthest = max(map(abs, axis.get_ylim()))
+    if not 0 < FARTHER * most < farthest:
+        return 0.0
+    begin = float(f"{most:.1g}")
+    axis.set_yscale("symlog", linthresh=begin, linscale=3.0)
+    return begin
 
 
 def _torques(axis: Axes, diagram: xr.Dataset) -> None:
@@ -195,10 +218,11 @@ def _where(y: NDArray[Any], stable: NDArray[np.bool_], dashed: bool) -> NDArray[
 
 def _marks(axis: Axes, diagram: xr.Dataset, listed: list[int]) -> None:
     kinds, shown = _kinds(diagram), []
+    size = 5 if len(listed) <= CROWD else 3
     for k in listed:
         kind = kinds[k]
         axis.plot(diagram["special_value"].values[k],
-                  style.URAD * diagram["special_phi"].values[k], MARKERS[kind], markersize=5,
+                  style.URAD * diagram["special_phi"].values[k], MARKERS[kind], markersize=size,
                   markeredgecolor=_colour(int(diagram["special_branch"].values[k])),
                   markerfacecolor="white" if kind != "unresolved" else style.BLACK, zorder=4,
                   color=style.BLACK, linestyle="",
