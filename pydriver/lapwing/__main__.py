@@ -10,6 +10,10 @@ from typing import Any
 from lapwing import console
 from lapwing.base import exit_codes, signals
 
+# New objects after which garbage is looked for. The usual 700 are few for tables by name; more of
+# them would keep tables that nobody has any more.
+GARBAGE = 10_000
+
 
 def main() -> None:
     """Entry point: every way to end is one of `ExitCode`, and no traceback."""
@@ -40,6 +44,8 @@ def _carried_out() -> Any:
 
         hide_dask()
         gc.enable()
+        gc.freeze()  # nor is it looked through again
+        gc.set_threshold(GARBAGE)
         signals.check()  # while modules are loaded a signal waits
         code = called()
     except KeyboardInterrupt:

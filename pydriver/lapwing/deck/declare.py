@@ -44,7 +44,8 @@ class Group(BaseModel):
     `exclusive` lists sets of keys of which at most one is given; `needed`: one must be given.
     """
 
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True,
+                              defer_build=True)  # of groups that a deck has not: never
     title: ClassVar[str] = ""
     exclusive: ClassVar[tuple[Any, ...]] = ()
     needed: ClassVar[bool] = True
