@@ -16,12 +16,21 @@ SWEPT = {"values": [2.0, 3.0], "starts": "rest", "pinion_speed_rpm": 240, **FEW}
 # Of each docstring: the results that together have every variable, and what is said otherwise.
 DIMENSIONS = {"brake_torque": "parameter", "backlash": "x", "damping_ratio": "y"}
 # Not in every docstring where they are coordinates: they are named as dimensions.
-COORDINATES = {"start", "brake_torque", "backlash", "damping_ratio"}
+COORDINATES = {"te", "start", "brake_torque", "backlash", "damping_ratio"}
+CURVES = {"shipped": SHIPPED}
+
+
+def of_curves(data):
+    """What a result says of the curves that were varied."""
+    return data[[name for name in data.data_vars if name.startswith("curve_")]]
+
+
 CASES = {
     "sweep": lambda: (
         lapwing.sweep, [lapwing.sweep(PAIR, SHIPPED, **SWEPT, **how) for how in (
             {"observe": ("cycles", "impacts", "exponents", "speeds", "spectra", "amplitudes")},
-            {"observe": (), **TWO})]),
+            {"observe": (), **TWO})] + [of_curves(lapwing.sweep(
+                PAIR, SHIPPED, parameter="te", **SWEPT | {"values": CURVES}, brake_torque=2.0))]),
     "events": lambda: (lapwing.Run, [lapwing.simulate(scene_a(1.8), cycles=2).events]),
     "cycles": lambda: (lapwing.Run, [lapwing.simulate(scene_a(1.8, "relative", **TWO),
                                                       cycles=2).cycles]),
@@ -31,7 +40,9 @@ CASES = {
         lapwing.response(scene_a(1.8, "relative", **TWO), PAIR, samples_per_cycle=4, **FEW)]),
     "parameter_map": lambda: (lapwing.parameter_map, [lapwing.parameter_map(
         PAIR, SHIPPED, {"backlash": [1e-3, 2e-3], "damping_ratio": [0.1, 0.2]}, brake_torque=3.0,
-        observe=("rms", "forces", "exponent", "shares"), pinion_speed_rpm=240, **FEW)]),
+        observe=("rms", "forces", "exponent", "shares"), pinion_speed_rpm=240, **FEW),
+        of_curves(lapwing.parameter_map(PAIR, SHIPPED, {"te": CURVES, "brake_torque": [2.0]},
+                                        pinion_speed_rpm=240, **FEW))]),
     "ensemble": lambda: (lapwing.ensemble, [lapwing.ensemble(
         PAIR, SHIPPED, {"backlash": lapwing.Draw("uniform", low=1e-3, high=2e-3)}, runs=32,
         sensitivity_draws=16, brake_torque=3.0, pinion_speed_rpm=240, **FEW)]),

@@ -169,6 +169,8 @@ def test_without_a_torque_in_balance_full_engagement_is_not_told():
 @pytest.mark.parametrize(("draws", "options", "said"), [
     ({}, {}, "draws = {}, expected"),
     ({"colour": DRAWS["backlash"]}, {}, "draws = 'colour', expected one of"),
+    ({"te": DRAWS["backlash"]}, {}, "'te' is no number, and curves cannot be drawn"),
+    ({"te": {"a": PAIR}}, {}, "'te' is no number, and curves cannot be drawn or listed"),
     ({"backlash": 3.0, "damping_ratio": DRAWS["damping_ratio"]}, {}, "class Draw"),
     ({"backlash": [1e-3, 2e-3], "damping_ratio": [0.1]}, {}, "2 of backlash, 1 of damping_ratio"),
     ({"backlash": [1e-3]}, {"sensitivity_draws": 16}, "goes with draws, not with values"),

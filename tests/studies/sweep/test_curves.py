@@ -4,11 +4,13 @@ import pickle
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from helpers import PAIR, SHIPPED
-from lapwing import Numerics, TransmissionError, simulate, sweep
+from lapwing import Numerics, TransmissionError, parameter_map, simulate, sweep
 from lapwing.base.arguments import Refusals
 from lapwing.engine import Points
+from lapwing.results.variables import write_groups
 from lapwing.studies.sweep.curves import Curves, taken_axes
 from lapwing.studies.sweep.varied import Varied, points_at
 
@@ -39,6 +41,28 @@ def test_a_sweep_along_curves_has_the_numbers_of_each_alone(method, threads):
             found = every[name].sel(te=label).values
             assert found.tobytes() == alone[name].values[:, 0].tobytes()
     assert every.lapwing.impacts(te="table", start="rest").sizes["impact"] > 0
+
+
+def test_a_result_tells_its_curves_apart(tmp_path):
+    """By more than their labels: the same label may stand for another curve tomorrow."""
+    def told(curves):
+        found = sweep(PAIR, SERIES, parameter="te", values=curves, **SHORT)
+        mapped = parameter_map(PAIR, SERIES, {"te": curves, "brake_torque": [1.0]}, settle=1,
+                               record=1, pinion_speed_rpm=1500)
+        for name in ("curve_source", "curve_peak_to_peak", "curve_sha256"):
+            assert found[name].equals(mapped[name]) and found[name].dims == ("te",)
+        write_groups(tmp_path / "a.nc", {"sweep_a": found})
+        with xr.open_dataset(tmp_path / "a.nc", group="sweep_a") as data:
+            return data.load()
+
+    once, again = told(CURVES), told({**CURVES, "table": 1.000001 * SHIPPED})
+    assert once["curve_peak_to_peak"].values.tolist() == [
+        te.peak_to_peak for te in CURVES.values()]
+    assert str(once["curve_source"].sel(te="kinked").values) == "parabola with 1 kink"
+    changed = once["curve_sha256"].values != again["curve_sha256"].values
+    assert list(once["te"].values[changed]) == ["table"]
+    assert "curve_sha256" not in sweep(PAIR, SERIES, values=[1.8], settle=1, record=1,
+                                       pinion_speed_rpm=1500)
 
 
 def test_a_motion_is_carried_along_an_amplitude():

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from lapwing.base import arguments
 from lapwing.base.arguments import MAX_INT, Refusals
+from lapwing.base.quantities import CURVE
 from lapwing.engine import Numerics
 from lapwing.model.draw import (
     FEWEST,
@@ -183,6 +184,10 @@ def _draws(draws: Any, te: object, operation: dict[str, Any],
                                               "{parameter: values}"))
         return {}, {}
     for name in draws:
+        if name == CURVE:
+            taken.problems.append(f"draws: {CURVE!r} is no number, and curves cannot be drawn or "
+                                  "listed: sweep and parameter_map go along them")
+            return {}, {}
         taken.take(arguments.choice, "draws", name, parameters(te))
         if operation.get(name) is not None:
             taken.problems.append(arguments.wrong(name, operation[name], "none beside its draw"))

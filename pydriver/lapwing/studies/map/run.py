@@ -18,7 +18,7 @@ from lapwing.studies.map.grid import Grid, fastest_axis
 from lapwing.studies.map.opened import left_in
 from lapwing.studies.map.shards import Job, check_settings
 from lapwing.studies.map.work import Noted, carry_out, gather, numbers_of
-from lapwing.studies.sweep.curves import taken_axes
+from lapwing.studies.sweep.curves import curves_of, taken_axes
 from lapwing.studies.sweep.varied import parameters
 
 if TYPE_CHECKING:
@@ -84,6 +84,7 @@ def parameter_map(pair: GearPair, te: TransmissionError, axes: Mapping[str, Any]
     'forces' (x, y): mesh_force_mean [N], mesh_force_peak [N]
     'exponent' (x, y): lyapunov_exponent
     'shares' (x, y): separation_share, engagement_share, back_engagement_share
+    along 'te' (te): curve_source, curve_sha256, curve_peak_to_peak [rad]
 
     period is in mesh cycles (0: none found), arrivals at either flank are those in it, or in all
     recorded cycles of a motion without period; chatter is 1 where one was complete;
@@ -177,7 +178,7 @@ def _dataset(job: Job, variables: dict[str, Any], cpus: set[str],
     grid = job.grid
     drawn = dict(zip(("x_parameter", "y_parameter"), grid.axes, strict=True)) \
         if len(grid.axes) == 2 else {}
-    return worded(xr.Dataset(variables, dict(grid.axes), {
+    return worded(xr.Dataset({**variables, **curves_of(grid.te).told}, dict(grid.axes), {
         **job.about, **drawn, "shards": job.cut.shards, "interrupted": int(interrupted),
         "cpus": "; ".join(sorted(cpus))})).transpose(*grid.axes)
 

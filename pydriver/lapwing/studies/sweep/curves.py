@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from lapwing.base import arguments
 from lapwing.base.quantities import CURVE, term
 from lapwing.model.transmission_error.algebra import parts_of, with_amplitudes
+from lapwing.results.curve import source_of
+from lapwing.results.shards import inputs_digest
 
 if TYPE_CHECKING:
     from lapwing.base.arguments import Refusals
@@ -70,6 +72,18 @@ class Curves:
         places: dict[tuple[Any, ...], int] = {}
         curve = np.array([places.setdefault(row, len(places)) for row in rows], np.intp)
         return tuple(self.at(dict(zip(own, row, strict=True))) for row in places), curve
+
+    @property
+    def told(self) -> dict[str, tuple[str, NDArray[Any], dict[str, str]]]:
+        """Variables of a result along the axis `te`, by which it names its curves; none without."""
+        columns = {
+            "curve_source": ("", "what the curve was made from", source_of),
+            "curve_peak_to_peak": ("rad", "peak to peak of the curve", lambda te: te.peak_to_peak),
+            "curve_sha256": ("", "SHA-256 of the curve's knots, coefficients, kinks and harmonics",
+                             lambda te: inputs_digest({}, *parts_of(te)))}
+        return {name: (CURVE, np.array([of(te) for te in self.named.values()]),
+                       {"units": unit, "long_name": words})
+                for name, (unit, words, of) in columns.items() if self.named}
 
     def parts(self) -> Iterator[NDArray[Any]]:
         """The arrays of all of them, for a digest."""

@@ -23,7 +23,7 @@ from lapwing.studies import mean_rotation
 from lapwing.studies.labels import settings
 from lapwing.studies.period import NO_PERIOD, class_name
 from lapwing.studies.stability import CycleMaps, findings, growth
-from lapwing.studies.sweep.curves import taken_axes
+from lapwing.studies.sweep.curves import curves_of, taken_axes
 from lapwing.studies.sweep.form import dataset
 from lapwing.studies.sweep.shards import SweepJob
 from lapwing.studies.sweep.varied import MOST_KEPT, Varied, parameters
@@ -109,6 +109,7 @@ def sweep(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_torq
     'spectra' (parameter): mesh_frequency_ratio
     'amplitudes' (start, parameter): phi_rms [rad], phi_peak_to_peak [rad], dynamic_te_rms [rad],
     dynamic_te_peak_to_peak [rad], mesh_force_mean [N], mesh_force_peak [N]
+    along 'te' (te): curve_source, curve_sha256, curve_peak_to_peak [rad]
 
     What each is says its `long_name`; `rad per tau` are rad per unit of τ = natural_frequency · t.
     A point that fails keeps its place, with a `status` other than OK. Impacts are one list over
@@ -181,8 +182,10 @@ def dataset_of(job: SweepJob, result: SweepResult,
                         "method": result.method, "settle": job.settle, "record": job.record,
                         "interrupted": int(result.interrupted),
                         **({"max_impacts": job.max_impacts} if wanted.impacts else {})})
-    if not further and not wanted.speed_edges:
+    told = curves_of(job.te).told
+    if not further and not wanted.speed_edges and not told:
         return data
+    data = data.assign(told)
     by_point, shape = data["status"].dims, data["status"].shape
     data = data.assign({name: ((*by_point, "order")[:1 + values.ndim],
                                values.reshape(*shape, *values.shape[1:]))
