@@ -1,6 +1,10 @@
 """A long response in pieces: the bytes of one call, wherever it is cut and whatever is lost."""
 
 import pickle
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -201,3 +205,40 @@ def test_motions_on_other_curves_are_cut_as_well(tmp_path, monkeypatch):
     assert found().identical(expected)
     assert list(expected["repeat_class"].values == "failed") == [False, False, True]
     assert shards_in(tmp_path / "shards/response_a") == list(range(job.cut.shards))
+
+
+# `lapwing` with small pieces.
+SMALL = """
+import sys
+from lapwing.studies.response import shards
+shards.SETTLED, shards.SAMPLED = 20_000, 8 * 640
+from lapwing.__main__ import main
+sys.exit(main())
+"""
+
+
+@pytest.mark.full
+def test_processes_that_are_killed_lose_a_piece_of_each_run(deck, tmp_path):
+    words = ["run", str(deck), "--figures", "none", "--threads", "2", "--out"]
+    for name in ("low", "high"):
+        words[2:2] = ["--set", f"response.{name}.settle_cycles=200000",
+                      "--set", f"response.{name}.record_cycles=2000"]
+    subprocess.run([sys.executable, "-m", "lapwing", *words, tmp_path / "whole"], check=True)
+    folder = tmp_path / "cut/long.shards"
+
+    def lying():
+        return {path: path.stat().st_ino for path in folder.glob("*/shard-*.nc")}
+
+    for signum, code in ((signal.SIGKILL, -9), (signal.SIGTERM, 75), (signal.SIGKILL, -9)):
+        before = lying()
+        process = subprocess.Popen([sys.executable, "-c", SMALL, *words, tmp_path / "cut"])
+        while len(lying()) < len(before) + 7:
+            assert process.poll() is None
+            time.sleep(0.02)
+        process.send_signal(signum)
+        assert process.wait() == code
+        assert before.items() <= lying().items()  # no piece is made twice
+    subprocess.run([sys.executable, "-c", SMALL, *words, tmp_path / "cut"], check=True)
+    assert not folder.exists()
+    for one, other in zip(stored(tmp_path / "whole"), stored(tmp_path / "cut"), strict=True):
+        assert one.identical(other)
