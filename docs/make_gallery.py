@@ -1,6 +1,7 @@
 """Make docs/gallery.md and its images from results/ of the shipped decks.
 
 Run from the checkout after `lapwing run --figures none inputs/*.nml`: python docs/make_gallery.py
+With names of decks behind it, after runs of these alone, it makes their parts anew.
 
 The README's map of a million runs is drawn anew where these lie, half an hour of two cores:
 
@@ -9,6 +10,7 @@ The README's map of a million runs is drawn anew where these lie, half an hour o
 """
 
 import re
+import sys
 import tempfile
 from pathlib import Path
 
@@ -63,6 +65,13 @@ DECKS = {
     "branches_25x32_relative": "The same under the physical impact law: rattling shrinks away and "
                                "ends in a fold 0.00001 N·m above the torque from which contact "
                                "can be kept.",
+    "diagram_25x32": "The whole range of torques: branches stop where a rebound has no speed, "
+                     "overlap, and leave gaps in which no motion repeats. The last island of "
+                     "rattling, up to 12.4275 N·m, is one that this sweep's starts do not meet, "
+                     "the random ones of branches_25x32 do.",
+    "curves_25x32": "What ends the stable motions of a smooth transmission error at 1500 rpm, "
+                    "followed in the speed: folds and doublings run along the borders of the map's "
+                    "regions, and between them where no run from rest tells of a change.",
     "minimal": "The shortest deck.",
 }
 FIGURES = {
@@ -84,6 +93,8 @@ FIGURES = {
     "basins": "Basins: each start in the colour of the motion it leads to, these motions drawn in.",
     "bifurcation": "Bifurcation diagram: branches of periodic motions, stable solid, unstable "
                    "dashed, over what the sweep saw; marked: where a branch ends or turns.",
+    "curves": "Special points of branches followed in a second parameter; dotted: where the "
+              "branches are.",
     "distributions": "How each answer is distributed among pairs, with the limits of its "
                      "quantiles.",
     "tornado": "Which parameter matters most for each answer.",
@@ -135,28 +146,40 @@ def number(task):
     return float(found[1]) if found else 0.0
 
 
-def main():
-    lines = ["# Gallery", "", "Figures of the shipped decks: what the command above them draws, "
-             "and some that are drawn where they are asked for "
-             "([deck.md](deck.md), section \"Figures\").", ""]
-    for deck, words in DECKS.items():
-        if not (RESULTS / deck / "result.nc").exists():
-            raise SystemExit(f"{RESULTS / deck}: no results; run the deck first")
-        lines += [f"## {deck}", "", words, "", f"    lapwing run inputs/{deck}.nml", ""]
-        folder = DOCS / "images" / "gallery" / deck
-        for old in folder.glob("*.png"):
-            old.unlink()
-        with read_results(RESULTS / deck / "result.nc") as results:
-            tasks = shown(results, deck)
-            drawn(results, tasks, folder)
-        for kind, caption in FIGURES.items():
-            of_kind = sorted((task for task in tasks
-                              if task.module.rpartition(".")[2] == kind), key=number)
-            lines += [f"### {caption}", ""] * bool(of_kind)
-            for task in of_kind:
-                image = Path("images") / "gallery" / deck / f"{task.stem}.png"
-                lines += [f"![{deck}: {task.stem.replace('_', ' ')}]({image.as_posix()})", ""]
-    (DOCS / "gallery.md").write_text("\n".join(lines), encoding="utf-8")
+def part(deck, words):
+    """A deck's part of the page, its figures drawn anew."""
+    if not (RESULTS / deck / "result.nc").exists():
+        raise SystemExit(f"{RESULTS / deck}: no results; run the deck first")
+    lines = [f"## {deck}", "", words, "", f"    lapwing run inputs/{deck}.nml", ""]
+    folder = DOCS / "images" / "gallery" / deck
+    for old in folder.glob("*.png"):
+        old.unlink()
+    with read_results(RESULTS / deck / "result.nc") as results:
+        tasks = shown(results, deck)
+        drawn(results, tasks, folder)
+    for kind, caption in FIGURES.items():
+        of_kind = sorted((task for task in tasks
+                          if task.module.rpartition(".")[2] == kind), key=number)
+        lines += [f"### {caption}", ""] * bool(of_kind)
+        for task in of_kind:
+            image = Path("images") / "gallery" / deck / f"{task.stem}.png"
+            lines += [f"![{deck}: {task.stem.replace('_', ' ')}]({image.as_posix()})", ""]
+    return "\n".join(lines)
+
+
+def main(names):
+    """Make the parts of some decks, and keep the others; without names make all."""
+    page = DOCS / "gallery.md"
+    there = re.split(r"(?m)^(?=## )", page.read_text(encoding="utf-8"))
+    kept = {one.split()[1]: one.rstrip() + "\n" for one in there[1:]}
+    head = ("# Gallery\n\nFigures of the shipped decks: what the command above them draws, and "
+            "some that are drawn where they are asked for ([deck.md](deck.md), "
+            "section \"Figures\").\n")
+    parts = [kept[deck] if names and deck not in names else part(deck, words)
+             for deck, words in DECKS.items()]
+    page.write_text("\n".join([head, *parts]), encoding="utf-8")
+    if names and "lapping_25x32" not in names:
+        return
     # Of the README.
     shrunk("orbit_diagram_torque", RESULTS / "lapping_25x32" / "result.nc",
            DOCS / "images" / "orbit_diagram.png")
@@ -165,4 +188,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

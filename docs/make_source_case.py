@@ -14,7 +14,7 @@ from make_gallery import shrunk
 from lapwing.base.codes import BranchOutcome, FoundMotion, SearchStage, SpecialPoint
 from lapwing.base.messages import decimals
 from lapwing.plots.critical_marks import label_of
-from lapwing.report.branches import EVENTS, exactly
+from lapwing.report.branches import EVENTS, exactly, interval_rows
 from lapwing.results import read_results
 
 DOCS = Path(__file__).parent
@@ -108,7 +108,6 @@ def of_steps(torques, count, resolved):
 
 def of_branches(diagram):
     """Where rattling was found above T_full, what ends it, and where it dies that is raised."""
-    low, high = (diagram[f"rattling_{end}"].values for end in ("low", "high"))
     end, attrs = diagram.isel(rattling=-1), diagram.attrs
     kinds = diagram["special_kind"].values
     stops = (diagram["special_outcome"].values == BranchOutcome.ENDS) & ~np.isin(
@@ -117,12 +116,12 @@ def of_branches(diagram):
     motions = diagram["motion_kind"].values
     return {"branches.ends": f"{stops.sum()}",
             "branches.rebounds": f"{np.sum(kinds[stops] == SpecialPoint.REBOUND)}",
-            "branches.intervals": listed([f"{a:.6f} to {b:.6f}" for a, b in
-                                          zip(low, high, strict=True)]),
+            "branches.rows": "\n".join(f"| {' | '.join(row)} |" for row in interval_rows(diagram)),
             "branches.end": exactly(float(end["rattling_high"]), float(end["rattling_high_error"])),
             "branches.end.kind": EVENTS[SpecialPoint(int(end["rattling_high_kind"]))],
             "branches.dies": exactly(attrs["dies"], attrs["dies_error"]),
-            "branches.dies.kind": EVENTS[SpecialPoint[attrs["dies_kind"].upper()]],
+            "branches.dies.kind": EVENTS[SpecialPoint[
+                attrs["dies_kind"].upper()]].partition(":")[0],
             "branches.motions": f"{len(motions):,}",
             "branches.periodic": f"{int((motions == FoundMotion.PERIODIC).sum()):,}",
             "branches.aperiodic": f"{int((motions == FoundMotion.APERIODIC).sum()):,}",

@@ -141,13 +141,13 @@ def branches_text(data: xr.Dataset) -> list[str]:
     list of str, lines of Markdown
     """
     lines = [f"- {line}" for line in findings(data) if "kept" in data.attrs]
-    rows = _intervals(data)
+    rows = interval_rows(data)
     lines += [f"- {_extent(data)}", f"- {_searched(data)}", f"- {_missed(data)}"]
     lines += [f"- {_curves(data)}"] if "curve_kind" in data else []
     if rows:
         unit = _unit_shown(data)
         lines += ["", *markdown([(f"rattling from{unit}", "begins with", f"to{unit}",
-                                  "ends with"), *(_row(*row) for row in rows)])]
+                                  "ends with"), *rows])]
     ranges = _ranges(data)
     return lines + (["", *ranges] if ranges else [])
 
@@ -156,6 +156,11 @@ def _unit_shown(data: xr.Dataset) -> str:
     """The unit in a table's heading; nothing of a bare number."""
     unit = parameter_unit(data.attrs["parameter"])
     return f" ({unit})" * bool(unit)
+
+
+def interval_rows(data: xr.Dataset) -> list[tuple[str, ...]]:
+    """Intervals of rattling, ascending: where each begins and ends, and with what."""
+    return [_row(*ends) for ends in _intervals(data)]
 
 
 def _row(low: _End, high: _End) -> tuple[str, ...]:
