@@ -63,6 +63,34 @@ def test_an_interruption_reaches_every_thread_and_keeps_what_is_finished(threads
     assert threading.active_count() <= before + 1  # the one that interrupted may not have ended
 
 
+@pytest.mark.parametrize("handed_out", [0, 1, 2, 5])
+def test_an_interruption_while_calls_are_handed_out_is_one(handed_out, monkeypatch):
+    """It neither leaves the function as an exception nor a thread at work."""
+    from lapwing.studies import side_by_side as module
+
+    class Interrupted(module.ThreadPoolExecutor):
+        def submit(self, *given):
+            submitted.append(given)
+            if len(submitted) > handed_out:
+                # A thread may have begun of which the pool does not know yet.
+                thread = threading.Thread(target=given[0], args=given[1:])
+                others.append(thread)
+                thread.start()
+                raise KeyboardInterrupt
+            return super().submit(*given)
+
+    def never(_):
+        called.append(1)
+
+    called, submitted, others = [], [], []
+    monkeypatch.setattr(threading, "excepthook", lambda _: None)  # the thread ends by Ctrl-C
+    monkeypatch.setattr(module, "ThreadPoolExecutor", Interrupted)
+    before = threading.active_count()
+    assert side_by_side(never, range(6), 2, ignore) == ({}, False)
+    others[0].join(20)
+    assert not called and threading.active_count() == before
+
+
 def test_an_interruption_tears_no_module_that_is_being_loaded(tmp_path, monkeypatch, hears_ctrl_c):
     """A thread is at the middle of an import when Ctrl-C comes: the module is whole afterwards."""
     import sys

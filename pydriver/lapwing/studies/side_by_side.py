@@ -7,7 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from typing import Any
 
 from lapwing.base.signals import importing
@@ -41,10 +41,15 @@ def side_by_side(function: Callable[..., Any], items: Any, threads: int,
     """
     results: dict[int, Any] = {}
     running: set[int] = set()
-    lock = threading.Lock()
+    lock, begin, given_up = threading.Lock(), threading.Event(), threading.Event()
 
     def call(place: int) -> Any:
+        # Not before all are handed out: an interruption amid that would leave a thread at work of
+        # which nobody knows.
+        begin.wait()
         with lock:
+            if given_up.is_set():
+                raise KeyboardInterrupt
             running.add(threading.get_ident())
         try:
             return function(items[place])
@@ -54,9 +59,12 @@ def side_by_side(function: Callable[..., Any], items: Any, threads: int,
 
     complete = False
     with ThreadPoolExecutor(max(1, min(threads, len(items)))) as pool:
-        places = {pool.submit(call, place): place for place in range(len(items))}
-        waiting = set(places)
+        places: dict[Future[Any], int] = {}
         try:
+            for place in range(len(items)):
+                places[pool.submit(call, place)] = place
+            begin.set()
+            waiting = set(places)
             while waiting:
                 # Not for ever: a signal that another thread hears wakes no one.
                 ended, waiting = wait(waiting, LISTEN, FIRST_COMPLETED)
@@ -70,8 +78,10 @@ def side_by_side(function: Callable[..., Any], items: Any, threads: int,
             if not complete:
                 pool.shutdown(wait=False, cancel_futures=True)
                 with lock:
+                    given_up.set()
                     for ident in running:
                         _interrupt(ident)
+                begin.set()
     for future in places:
         if not future.cancelled() and future.exception() is None:
             results[places[future]] = future.result()
