@@ -11,7 +11,7 @@ ACTIVATED := PATH="$(CURDIR)/.venv/bin:$$PATH"
 NEED_PYTHON := Lapwing needs Python 3.11 or newer, as in: make PYTHON=python3.13
 
 .DEFAULT_GOAL := help
-.PHONY: help env run test test-full test-slurm lint lock clean
+.PHONY: help env run test test-full test-hurt test-slurm lint lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
@@ -32,6 +32,11 @@ test: env ## style, Fortran and Python tests
 
 test-full: env ## the same and the long ones
 	@$(ACTIVATED) python .build/run_tests.py --full
+
+test-hurt: env ## kills, damage, full disks, lost workers: in full counts, told as they come
+	@$(ACTIVATED) python -m pytest -s -m "full or not full" tests/test_robustness.py \
+	    tests/studies/map/test_map.py tests/studies/map/test_map_deck.py tests/test_executors.py \
+	    tests/commands/test_decks_side_by_side.py tests/studies/critical/test_trial_records.py
 
 test-slurm: env ## a job array of a real Slurm, started here as root (four minutes)
 	@$(ACTIVATED) python tests/slurm.py

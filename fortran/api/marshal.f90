@@ -2,7 +2,7 @@
 module lapwing_api_marshal
   use, intrinsic :: iso_c_binding, only: c_double, c_int
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan, ieee_is_nan
-  use lapwing_kinds, only: wp
+  use lapwing_kinds, only: wp, int64
   use lapwing_codes, only: all_codes, separation, status_unfinished, status_out_of_memory
   use lapwing_flow, only: flow_t, work_t
   use lapwing_hybrid_state, only: hybrid_state_t, numerics_t
@@ -15,7 +15,7 @@ module lapwing_api_marshal
   use lapwing_observers_period, only: period_of, most_looked_for
   use lapwing_observers_records, only: recorder_t, start_recording, start_watching, log_columns, &
       cycle_columns, sample_columns
-  use lapwing_run, only: run_to, deadline_in
+  use lapwing_run, only: run_to, deadline_in, deadline_after
   use lapwing_system_start, only: start_of_run
   use lapwing_run_checkpoint, only: blob_size, work_size, pack_blob, unpack_blob
   use lapwing_run_destination, only: known_t, follow_starts, goal_columns, end_columns, &
@@ -173,6 +173,8 @@ contains
     type(work_t) :: work
     real(wp) :: phi, phi_dot
     integer :: status, error
+    integer(int64) :: begun
+    call system_clock(begun)
     numerics = numerics_from(reals, choices)
     done = 0
     call take_flank(flank, data, error)
@@ -202,8 +204,8 @@ contains
       recorder%sample_time => sample_time
       recorder%samples => samples
     end if
-    call run_to(system, flow, numerics, nint(until(1)), until(2), deadline_in(until(3)), state, &
-        recorder, work, status)
+    call run_to(system, flow, numerics, nint(until(1)), until(2), &
+        deadline_after(begun, until(3)), state, recorder, work, status)
     call pack_blob(state, recorder%sums, work, blob)
     call system%observe(state%instant, phi, phi_dot)
     done = [real([status, recorder%sums%n_log, recorder%sums%n_cycles, state%instant%cycle], wp), &
@@ -287,6 +289,8 @@ contains
     type(numerics_t) :: numerics
     type(known_t) :: known
     integer :: error
+    integer(int64) :: begun
+    call system_clock(begun)
     numerics = numerics_from(reals, choices)
     call take_flank(flank, data, error)
     if (error == 0) call make_system(parameters_from(reals, choices), data%knots, &
@@ -298,6 +302,7 @@ contains
       return
     end if
     known = known_t(goals, cells, box, limits(1), limits(2), limits(3))
-    call follow_starts(system, flow, numerics, known, starts, deadline_in(seconds), suspended, ends)
+    call follow_starts(system, flow, numerics, known, starts, deadline_after(begun, seconds), &
+        suspended, ends)
   end subroutine go_on_with_destinations
 end module lapwing_api_marshal

@@ -12,10 +12,12 @@ module lapwing_run
   use lapwing_system, only: system_t, instant_t
   implicit none
   private
-  public :: run_to, deadline_in, past, segments_per_look
+  public :: run_to, deadline_in, deadline_after, past, segments_per_look
 
   !> Segments between two looks at the clock: some 30 microseconds.
   integer, parameter :: segments_per_look = 128
+  !> What was made for a call, and goes with it, is used for so many times as long as that took.
+  integer, parameter :: worth = 3
 
 contains
 
@@ -133,6 +135,15 @@ contains
     call system_clock(now, rate)
     deadline_in = now + int(seconds*rate, int64)
   end function deadline_in
+
+  !> The same, or later where to make what moves took long: since a clock count.
+  integer(int64) function deadline_after(begun, seconds)
+    integer(int64), intent(in) :: begun              !! clock count
+    real(wp), intent(in) :: seconds                  !! seconds
+    integer(int64) :: now
+    call system_clock(now)
+    deadline_after = max(deadline_in(seconds), now + worth*(now - begun))
+  end function deadline_after
 
   !> Whether the clock has come to a deadline.
   logical function past(deadline)

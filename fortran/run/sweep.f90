@@ -16,7 +16,7 @@ module lapwing_run_sweep
   use lapwing_observers_deviations, only: deviations_of
   use lapwing_observers_motion_class, only: motion_class, class_columns
   use lapwing_observers_records, only: recorder_t, start_recording, start_watching
-  use lapwing_run, only: run_to, past
+  use lapwing_run, only: run_to, past, deadline_after
   use lapwing_system_start, only: start_of_run
   use lapwing_run_checkpoint, only: pack_blob, unpack_blob, pack_work, work_size
   implicit none
@@ -121,11 +121,11 @@ contains
     type(work_t) :: work
     real(wp) :: final(3, 1)
     integer :: status, error
-    integer(int64) :: until, begun, now
+    integer(int64) :: until, begun
     until = deadline
     do while (line%stage < stage_done)
       ! To make a point is most of the work where a table has very many pieces. Beyond a thread's
-      ! first none is made that would be left at once; one that is made has as much time as that.
+      ! first none is made that would be left at once; one that is made has time to be worth it.
       if (allocated(flow) .and. line%stage == stage_start) then
         if (past(until)) return
       end if
@@ -135,8 +135,7 @@ contains
         call give_up(sweep, line)
         return
       end if
-      call system_clock(now)
-      until = max(until, now + (now - begun))
+      until = max(until, deadline_after(begun, 0.0_wp))
       recorder = sweep%recorder
       if (line%stage == stage_start) then
         call start_point(system, line, blob, state)

@@ -4,7 +4,7 @@
 !> the logarithm of their number.
 module lapwing_flow_exact_interval_bounds
   use lapwing_kinds, only: wp
-  use lapwing_flow_exact_panels, only: closed_form_t, most_panels
+  use lapwing_flow_exact_panels, only: closed_form_t
   use lapwing_system_oscillation, only: free_matrix
   use lapwing_flank, only: flank_t
   implicit none
@@ -16,7 +16,7 @@ module lapwing_flow_exact_interval_bounds
   integer, parameter :: least_many = 48
   !> Of more than this there are several levels of blocks, `usual_fan` members each; sizes stay
   !> below 2**31.
-  integer, parameter :: very_many = most_panels, usual_fan = 32, most_levels = 5
+  integer, parameter :: very_many = 10000, usual_fan = 32, most_levels = 5
 
   !> How a row of n members is cut into blocks. Members of a wider level are whole blocks.
   type :: row_t

@@ -30,6 +30,8 @@ STORED_CYCLE = sum(4 if unit == "1" else 8 for name, unit in quantities.CYCLE.it
 MAP_RUN = 1 + 2 + 2 * 4 + 1 + 1 + 5 * REAL
 # What a summary reads of each run of a map: status, period, arrivals, states, deepest separation.
 MAP_READ = 1 + 2 + 2 * 4 + 1 + REAL
+# Of a closed form, for each piece of a table; its caller's copies are counted with it.
+CLOSED_FORM = 800
 # Deflate makes no more of it; a figure in its two formats is never smaller.
 PACKED, FIGURE = 1032, 20_000
 _NO_LIMIT = 2**60
@@ -84,6 +86,17 @@ def available_bytes(root: Path = Path("/")) -> int | None:
     """
     found = [*_of_system(root), *_of_address_space(root), *_of_groups(root)]
     return max(0, min(found)) if found else None
+
+
+def threads_that_fit(wanted: int, each: int) -> int:
+    """How many of the wanted threads find memory, of which each takes so many bytes; one at least.
+
+    Half of what there is stays for what they have in common, and for others.
+    """
+    if wanted * each <= LITTLE:
+        return wanted
+    available = available_bytes()
+    return wanted if available is None else max(1, min(wanted, available // (2 * each)))
 
 
 def require(needed: int, who: str, keys: str) -> None:

@@ -12,6 +12,7 @@ from lapwing.engine.calls import (
     thinned,
 )
 from lapwing.engine.destinations import END_TABLE, GOAL_TABLE, Known, destinations
+from lapwing.engine.flanks import series_is_taken
 from lapwing.engine.methods import common_method, method_of, steps
 from lapwing.engine.numerics import METHODS, Numerics, Wanted, chosen
 from lapwing.engine.points import Points
@@ -31,4 +32,4 @@ __all__ = ["CALL_SECONDS", "END_TABLE", "GOAL_TABLE", "GO_ON", "METHODS", "MOST_
            "OUTCOME_TABLE", "REST", "Known", "Numerics", "Points", "SweepResult", "TrajectoryCall",
            "Wanted", "chosen", "columns", "common_method", "destinations", "find_period",
            "flank_motion", "impacts_of", "method_of", "named", "numbers", "of_kind", "position",
-           "steps", "sweep", "thinned", "unknown", "work_counts"]
+           "series_is_taken", "steps", "sweep", "thinned", "unknown", "work_counts"]

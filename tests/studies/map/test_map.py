@@ -16,11 +16,12 @@ import children
 import lapwing
 from helpers import ROOT, dataset_bytes
 from lapwing import Numerics, Status, TransmissionError, engine, parameter_map, sweep
+from lapwing.base import estimates
 from lapwing.engine import Wanted
 from lapwing.results import shards as stored
 from lapwing.results.shards import Shard, discard_shards, read_shard, shard_path, shards_in
 from lapwing.studies.map import shards
-from lapwing.studies.map.cut import Cut, shard_size
+from lapwing.studies.map.cut import Cut, shard_size, shared_size
 from lapwing.studies.map.observed import KEPT
 from lapwing.studies.map.run import job_of
 from lapwing.studies.map.work import Found, missing_of
@@ -286,6 +287,36 @@ def test_a_kill_loses_no_more_than_what_was_under_way(step, call, after, tmp_pat
     assert not tmp_path.exists()
 
 
+AT_RANDOM = """
+import os, signal, sys, threading
+from pathlib import Path
+sys.path.insert(0, {here!r})
+from test_map import LONG, mapped
+threading.Timer({delay}, os.kill, (os.getpid(), signal.SIGKILL)).start()
+mapped(LONG, shard_runs=4, folder=Path({folder!r}), settle=30)
+os._exit(0)
+"""
+
+
+def test_of_five_kills_at_any_instant_none_leaves_anything_half(tmp_path):
+    begun = time.perf_counter()
+    expected = dataset_bytes(mapped(LONG, shard_runs=4, settle=30, threads=1))
+    lasts, random, deaths = time.perf_counter() - begun, np.random.default_rng(5), 0
+    for _ in range(50):
+        delay = lasts * random.uniform(0.05, 0.6)
+        ended = children.carried_out(AT_RANDOM.format(
+            here=str(Path(__file__).parent), folder=str(tmp_path), delay=delay))
+        assert ended.code in (0, -9), ended.said
+        deaths += ended.code == -9
+        if deaths == 5:
+            break
+        if ended.code == 0:
+            discard_shards(tmp_path)
+    assert deaths == 5
+    found = mapped(LONG, shard_runs=4, folder=tmp_path, settle=30, notes=pytest.fail)
+    assert dataset_bytes(found) == expected
+
+
 @pytest.mark.full
 def test_of_a_hundred_kills_at_any_instant_none_leaves_anything_half(tmp_path):
     code = ("import sys; sys.path[:0] = sys.argv[1:3]\n"
@@ -325,6 +356,31 @@ def test_the_cut_follows_from_the_map_alone():
     # Of a long line a part, but not for threads alone.
     assert shard_size(30, 500, 10, 7) == 7 and shard_size(30, 500, 10, None) == 10
     assert shard_size(30_000, 500, 10_000, None) == 8_000
+
+
+def test_runs_that_share_a_long_table_are_in_one_shard(monkeypatch):
+    """Its closed form is made once for all torques of a speed, whichever axis is the last."""
+    axes = {"brake_torque": np.linspace(3, 9, 20), "pinion_speed_rpm": np.linspace(900, 2400, 20)}
+
+    def job(te):
+        return job_of(PAIR, te, axes, line=None, start="rest", settle=400, record=100, phase=0.0,
+                      numerics=None, shard_runs=None)
+    monkeypatch.setattr("lapwing.studies.map.cut.LONG", 100)
+    phase = np.arange(101) / 101
+    curve = TransmissionError.from_hermite(phase, 1e-5 * np.cos(2 * np.pi * phase), 0 * phase)
+    assert job(curve).grid.pieces == 101 and job(TE).grid.pieces == 0
+    assert job(curve).grid.line == "brake_torque" and job(curve).cut.shards == 20
+    assert job(TE).cut.shards == 58  # a short series is no table
+    assert [shared_size(7, length, 10**6) for length in (1, 20, 32, 33, 100)] == [7, 20, 32, 17, 25]
+    assert shared_size(7, 100, 99) == 7 and shared_size(500, 100, 10**6) == 500
+
+
+def test_so_many_threads_are_begun_as_find_memory(monkeypatch):
+    monkeypatch.setattr(estimates, "available_bytes", lambda: 4 * 10**9)
+    assert [estimates.threads_that_fit(8, each) for each in (0, 10**6, 10**9, 10**10)] \
+        == [8, 8, 2, 1]
+    monkeypatch.setattr(estimates, "available_bytes", lambda: None)
+    assert estimates.threads_that_fit(8, 10**10) == 8
 
 
 @pytest.mark.parametrize("start", ["rest", "up", "down"])

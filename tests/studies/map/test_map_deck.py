@@ -5,24 +5,29 @@ import signal
 import pytest
 
 import children
-from helpers import plane_deck, plane_numbers
+from helpers import ROOT, plane_deck, plane_numbers
 from lapwing.deck import load_deck
 from lapwing.folder import FolderError
 from lapwing.part import run_part
 from lapwing.results import read_results
 from lapwing.results.shards import shards_in
 from lapwing.run import run_deck
-from lapwing.studies.map import work
 from lapwing.studies.map.shards import Job
 
 SHARDS = 24
-# The command, sent a signal as soon as it has published so many shards.
+# The command, sent a signal as soon as it has published so many shards; a line for each it began.
 SIGNALLED = """
 import os, signal, sys
 from lapwing.__main__ import main
 from lapwing.studies.map import work
+from lapwing.studies.map.shards import Job
 signal.signal(signal.SIGINT, signal.default_int_handler)
-left, write_shard = {shards}, work.write_shard
+left, write_shard, carried_out = {shards}, work.write_shard, Job.carried_out
+log = os.open({begun!r}, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
+
+def begin(job, index, *rest):
+    os.write(log, b"%d\\n" % index)
+    return carried_out(job, index, *rest)
 
 def counted(*given):
     global left
@@ -32,8 +37,8 @@ def counted(*given):
         os.kill(os.getpid(), {number})
     return digest
 
-work.write_shard = counted
-sys.argv = ["lapwing", "run", {deck!r}, "--out", {out!r}, "--figures", "none"]
+work.write_shard, Job.carried_out = counted, begin
+sys.argv = ["lapwing", "run", {deck!r}, "--out", {out!r}, "--figures", "none", "--threads", "2"]
 main()
 """
 
@@ -51,8 +56,9 @@ def run(deck, out):
 
 def signalled(deck, out, number, shards):
     """How the command ends that is sent a signal after so many shards."""
-    return children.carried_out(SIGNALLED.format(deck=str(deck), out=str(out), number=int(number),
-                                                 shards=shards))
+    return children.carried_out(SIGNALLED.format(
+        deck=str(deck), out=str(out), number=int(number), shards=shards,
+        begun=str(out.parent / f"{out.name} begun")))
 
 
 @pytest.fixture(scope="module")
@@ -70,12 +76,15 @@ def test_after_a_kill_the_same_command_goes_on(deck, whole, tmp_path, monkeypatc
         assert signalled(deck, tmp_path, signal.SIGKILL, shards).code == -signal.SIGKILL
         assert not (tmp_path / "plane").exists()
     assert len(shards_in(folder)) == 9
-    made, write_shard = [], work.write_shard
-    monkeypatch.setattr(work, "write_shard", lambda folder, index, *given: (
-        made.append(index), write_shard(folder, index, *given))[1])
+    begun = [*map(int, (tmp_path.parent / f"{tmp_path.name} begun").read_text().split())]
+    carried_out = Job.carried_out
+    monkeypatch.setattr(Job, "carried_out", lambda job, index, *rest: (
+        begun.append(index), carried_out(job, index, *rest))[1])
     outcome = run(deck, tmp_path)
-    # What lies there is read, not made again.
-    assert len(made) == SHARDS - 9 and not outcome.notes
+    # What lies there is read, not made again; of what was under way, each kill has cost one shard
+    # for each of the two threads at most.
+    assert set(begun) == set(range(SHARDS)) and not outcome.notes
+    assert len(begun) <= SHARDS + 2 * 2
     assert plane_numbers(tmp_path / "plane" / "result.nc") == whole
     assert [path.name for path in tmp_path.iterdir()] == ["plane"]
 
@@ -103,6 +112,24 @@ def test_a_damaged_shard_is_made_again_and_said(deck, whole, tmp_path):
     assert any("shard 0 " in note for note in run(deck, tmp_path).notes)
     assert plane_numbers(tmp_path / "plane" / "result.nc") == whole
     assert [path.name for path in folder.iterdir()] == ["notes of mine.txt"]
+
+
+def test_names_with_spaces_and_other_letters_are_names(tmp_path):
+    """Of deck, curve and results; also where a part is made by itself."""
+    found = []
+    for place, stem, curve in (("a", "b", "c"), ("räder und zähne", "plan é", "Fehler über µm")):
+        folder = tmp_path / place
+        folder.mkdir()
+        (folder / f"{curve}.csv").write_bytes((ROOT / "inputs" / "te_25x32.csv").read_bytes())
+        text = plane_deck(3, 3, 4).replace(
+            "harmonic_amplitude = 17e-6, 4.5e-6, 1.5e-6, harmonic_shift = 0, 1, 2",
+            f"file = '{curve}.csv'")
+        (folder / f"{stem}.nml").write_text(text, encoding="utf-8")
+        deck = load_deck(folder / f"{stem}.nml")
+        assert run_part(deck, folder / f"out {place}", 2, 3).made == 1
+        assert not run_deck(deck, folder / f"out {place}", figures="none").notes
+        found.append(plane_numbers(folder / f"out {place}" / stem / "result.nc"))
+    assert found[0] and found[0] == found[1]
 
 
 def test_parts_outlive_the_replacing_of_other_results(deck, whole, tmp_path, monkeypatch):

@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 # Mesh cycles of a shard unless the caller says how many runs: some 20 s of one core. A smaller map
 # is cut into so many shards all the same, for as many threads to have work.
 CYCLES, FEWEST = 4_000_000, 64
+# To make a closed form over so many pieces of a table takes as long as some runs do: a shard has as
+# many of those that share one as there are, up to so many.
+LONG, SHARED = 10_000, 32
 
 
 @dataclass(frozen=True)
@@ -191,3 +194,18 @@ def shard_size(runs: int, cycles: int, length: int, wanted: int | None) -> int:
     most = max(1, CYCLES // max(cycles, 1))
     size = wanted or min(most, max(math.ceil(runs / FEWEST), length))
     return min(runs, math.ceil(size / length) * length if size >= length else size)
+
+
+def shared_size(size: int, length: int, pieces: int) -> int:
+    """Runs of a shard where the runs of a line, from rest, share a closed form.
+
+    Parameters
+    ----------
+    size : int, runs of a shard, this left aside
+    length : int, runs of a line
+    pieces : int, of the longest table
+    """
+    if pieces < LONG or size >= SHARED:
+        return size
+    # Equal parts of a line, so that few shards have runs of two.
+    return max(size, math.ceil(length / math.ceil(length / SHARED)))

@@ -12,13 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lapwing.base.quantities import CURVE
-from lapwing.engine import Points
+from lapwing.engine import Points, series_is_taken
 from lapwing.engine.points import NUMBERS
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.oscillator import Oscillator
 from lapwing.model.transmission_error import TransmissionError
-from lapwing.studies.sweep.curves import Curves, varies_curve
-from lapwing.studies.sweep.varied import OF_PAIR, force_per_deflection, moved_to, points_at
+from lapwing.studies.sweep.curves import Curves, curves_of, varies_curve
+from lapwing.studies.sweep.varied import (
+    OF_PAIR,
+    TORQUES,
+    force_per_deflection,
+    moved_to,
+    points_at,
+)
 
 
 class Crossings:
@@ -75,6 +81,13 @@ class Grid(Crossings):
         """Axes in the order in which runs are counted, the fastest last."""
         return (*(name for name in self.axes if name != self.line), self.line)
 
+    @cached_property
+    def pieces(self) -> int:
+        """Pieces of the longest table that is moved along; 0 where all are short series."""
+        curves = curves_of(self.te)
+        return max(0 if series_is_taken(te) else te.knots.size - 1
+                   for te in (curves.given, *curves.named.values()))
+
     def values(self, first: int, stop: int) -> dict[str, NDArray[Any]]:
         """Values of each parameter in the runs from `first` up to `stop`."""
         at = np.unravel_index(np.arange(first, stop), self.shape)
@@ -130,6 +143,8 @@ class Grid(Crossings):
 
 
 def fastest_axis(axes: Mapping[str, Any]) -> str:
-    """The last axis that moves one number of an oscillator alone, else the last."""
+    """The last torque, since one closed form serves all torques; else the last that is cheap."""
+    torques = [name for name in axes if name in TORQUES]
+    # Those that move one number of an oscillator alone.
     cheap = [name for name in axes if name not in OF_PAIR and not varies_curve(name)]
-    return (cheap or list(axes))[-1]
+    return (torques or cheap or list(axes))[-1]

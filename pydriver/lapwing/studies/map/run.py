@@ -13,13 +13,13 @@ from lapwing.base.quantities import CURVE, OBSERVED, curve_clash, worded
 from lapwing.engine import Numerics
 from lapwing.model.gear_pair import GearPair
 from lapwing.model.transmission_error import TransmissionError
-from lapwing.studies.map.cut import shard_size
+from lapwing.studies.map.cut import shard_size, shared_size
 from lapwing.studies.map.grid import Grid, fastest_axis
 from lapwing.studies.map.opened import left_in
 from lapwing.studies.map.shards import Job, check_settings
 from lapwing.studies.map.work import Noted, carry_out, gather, numbers_of
 from lapwing.studies.sweep.curves import curves_of, taken_axes
-from lapwing.studies.sweep.varied import parameters
+from lapwing.studies.sweep.varied import TORQUES, parameters
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -166,6 +166,8 @@ def job_of(pair: GearPair, te: TransmissionError, axes: Any, *, line: str | None
     grid.check_corners("parameter_map")
     length = 1 if start == "rest" else grid.length
     size = shard_size(grid.runs, settle + record, length, shard_runs)
+    if shard_runs is None and start == "rest" and line in TORQUES:
+        size = shared_size(size, grid.length, grid.pieces)
     return Job(grid, start, int(settle), int(record), float(phase),
                numerics or Numerics(rtol=1e-6), size,
                tuple(one for one in OBSERVED if one in observed))

@@ -72,6 +72,11 @@ class Job(Task):
         """See `Task`."""
         return estimates.map_run(self.observe)
 
+    @property
+    def thread_bytes(self) -> int:
+        """See `Task`."""
+        return estimates.CLOSED_FORM * self.grid.pieces
+
     def carried_out(self, index: int, progress: Callable[[float], None] | None = None,
                     stop: threading.Event | None = None, before: Shard | None = None,
                     share_work: Callable[[int], int] = lambda _: 1) -> Made:

@@ -36,6 +36,7 @@ class Task:
     identity : str, SHA-256 of every value that the numbers of the study, and its cut, follow from
     kept : dict of variable of a shard -> dtype
     run_bytes : int, what a run takes of memory in the whole study
+    thread_bytes : int, what each thread takes beside that, as far as it is known
     about : dict, what a study says of how it was made
     unit : str, what its runs are called where it is not what its results have; empty: it is
     """
@@ -47,6 +48,7 @@ class Task:
     shard_runs: int
     identity: Any
     run_bytes: Any
+    thread_bytes: Any = 0
 
     @property
     def kept(self) -> dict[str, Any]:

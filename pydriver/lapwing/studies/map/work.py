@@ -62,7 +62,7 @@ def gather(who: str, job: Task, found: Any, *, folder: str | Path | None,
     for name, given in (("progress", progress), ("notes", notes)):
         if given is not None:
             arguments.function(name, given)
-    threads = usable_threads(checked_threads(threads), job.cut.shards)
+    threads = _fitting(job, checked_threads(threads))
     folder = None if folder is None else Path(arguments.path("folder", folder))
     work = _Work(job, folder, found, progress)
     try:
@@ -89,8 +89,13 @@ def make_part(job: Task, folder: Path, part: int, parts: int, threads: int,
     found = _Left(notes or (lambda _: None))
     indices = [index for chain in range(part - 1, job.cut.chains, parts)
                for index in job.cut.chain(chain)]
-    made = _Work(job, folder, found, progress, indices).carry_out(None, threads)
+    made = _Work(job, folder, found, progress, indices).carry_out(None, _fitting(job, threads))
     return made, len(indices) - made
+
+
+def _fitting(job: Task, threads: int) -> int:
+    """How many of the wanted threads are begun; no number depends on it."""
+    return estimates.threads_that_fit(usable_threads(threads, job.cut.shards), job.thread_bytes)
 
 
 def missing_of(job: Task, folder: Path) -> list[int]:
