@@ -134,7 +134,8 @@ with signals.listen():
             results.transmission_error  # the file is open when the pool begins
             with DrawingPool(2) as pool:
                 while True:
-                    plots.draw_all(results, {folder!r}, pool=pool, progress=lambda share: print(
+                    plots.draw_all(results, {folder!r}, formats=("png",), pool=pool,
+                                   progress=lambda share: print(
                         *(process.pid for process in pool._workers.values()), flush=True))
     except KeyboardInterrupt:
         sys.exit(130)
