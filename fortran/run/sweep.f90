@@ -94,23 +94,26 @@ contains
     class(flow_t), allocatable, target :: flow
     type(parameters_t) :: made   ! point that they were made for
     logical :: stopped   ! at the deadline: then no other line is begun
+    integer(int64) :: until
     integer :: i
     stopped = .false.
+    until = deadline
     !$omp do schedule(dynamic, 1)
     do i = 1, size(lines)
       if (stopped .or. lines(i)%stage == stage_done) cycle
-      call go_on(sweep, lines(i), blobs(:, i), deadline, system, flow, made)
+      call go_on(sweep, lines(i), blobs(:, i), until, system, flow, made)
       stopped = lines(i)%stage < stage_done
     end do
     !$omp end do
   end subroutine share_lines
 
   !> Go on with one line.
-  subroutine go_on(sweep, line, blob, deadline, system, flow, made)
+  subroutine go_on(sweep, line, blob, until, system, flow, made)
     type(sweep_t), intent(in) :: sweep               !! the sweep
     type(line_t), intent(inout) :: line              !! the line
     real(wp), intent(inout) :: blob(:)               !! run under way
-    integer(int64), intent(in) :: deadline           !! clock count at which to stop
+    integer(int64), intent(inout) :: until           !! clock count at which to stop; later, once
+                                                     !! a first point was made
     class(oscillator_t), allocatable, intent(inout), target :: system   !! made, or made new, for
                                                                         !! each point
     class(flow_t), allocatable, intent(inout), target :: flow  !! and its way to move; none yet: not
@@ -121,21 +124,22 @@ contains
     type(work_t) :: work
     real(wp) :: final(3, 1)
     integer :: status, error
-    integer(int64) :: until, begun
-    until = deadline
+    integer(int64) :: begun
+    logical :: first
     do while (line%stage < stage_done)
       ! To make a point is most of the work where a table has very many pieces. Beyond a thread's
-      ! first none is made that would be left at once; one that is made has time to be worth it.
+      ! first none is made that would be left at once; the first has time to be worth it.
       if (allocated(flow) .and. line%stage == stage_start) then
         if (past(until)) return
       end if
+      first = .not. allocated(flow)
       call system_clock(begun)
       call make_point(sweep, sweep%point(line%point), system, flow, made, error)
       if (error /= 0) then
         call give_up(sweep, line)
         return
       end if
-      until = max(until, deadline_after(begun, 0.0_wp))
+      if (first) until = max(until, deadline_after(begun, 0.0_wp))
       recorder = sweep%recorder
       if (line%stage == stage_start) then
         call start_point(system, line, blob, state)
