@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 import math
+import re
 import shutil
 from collections.abc import Iterable
 from pathlib import Path
@@ -175,22 +176,24 @@ def refusals(deck: Any) -> list[str]:
     return [f"{deck.path}: {what} {text}" for what, text in texts if text]
 
 
-def _read(path: Path) -> str:
+def _read(path: str) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        with open(path, encoding="utf-8") as file:
+            return file.read()
     except (OSError, ValueError):
         return ""
 
 
-def _kilobytes(text: str) -> dict[str, int]:
-    """Name -> bytes of the lines `name: number kB` of proc."""
-    rows = (line.replace(":", " ").split() for line in text.splitlines())
-    return {row[0]: 1024 * int(row[1]) for row in rows if len(row) == 3 and row[2] == "kB"}
+def _kilobytes(text: str, name: str) -> int | None:
+    """Bytes of the line `name: number kB` of proc, None where there is none."""
+    found = re.search(rf"^{name}:\s+(\d+) kB$", text, re.M)
+    return 1024 * int(found[1]) if found else None
 
 
 def _of_system(root: Path) -> list[int]:
-    facts = _kilobytes(_read(root / "proc/meminfo"))
-    return [facts["MemAvailable"] + facts.get("SwapFree", 0)] if "MemAvailable" in facts else []
+    facts = _read(f"{root}/proc/meminfo")
+    free = _kilobytes(facts, "MemAvailable")
+    return [] if free is None else [free + (_kilobytes(facts, "SwapFree") or 0)]
 
 
 def _of_address_space(root: Path) -> list[Any]:
@@ -201,26 +204,28 @@ def _of_address_space(root: Path) -> list[Any]:
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     if limit == resource.RLIM_INFINITY:
         return []
-    return [limit - _kilobytes(_read(root / "proc/self/status")).get("VmSize", 0)]
+    return [limit - (_kilobytes(_read(f"{root}/proc/self/status"), "VmSize") or 0)]
 
 
 def _of_groups(root: Path) -> list[Any]:
     """Of each control group with a limit, what is left; its file cache can be given back."""
     left = []
-    for line in _read(root / "proc/self/cgroup").splitlines():
+    for line in _read(f"{root}/proc/self/cgroup").splitlines():
         _, kinds, path = line.split(":", 2)
         if kinds == "":
-            base, names = root / "sys/fs/cgroup", ("memory.max", "memory.current", "file")
+            base, names = f"{root}/sys/fs/cgroup", ("memory.max", "memory.current", "file")
         elif "memory" in kinds.split(","):
-            base, names = root / "sys/fs/cgroup/memory", (
+            base, names = f"{root}/sys/fs/cgroup/memory", (
                 "memory.limit_in_bytes", "memory.usage_in_bytes", "total_cache")
         else:
             continue
-        own = Path(path.lstrip("/"))
-        for folder in (own, *own.parents):
-            limit, used = (_read(base / folder / name).strip() for name in names[:2])
-            if limit.isdigit() and used.isdigit() and int(limit) < _NO_LIMIT:
-                cache = [row.split()[1] for row in _read(base / folder / "memory.stat").splitlines()
+        parts = [part for part in path.split("/") if part]
+        for depth in range(len(parts), -1, -1):
+            folder = "/".join([base, *parts[:depth]])
+            limit = _read(f"{folder}/{names[0]}").strip()
+            used = _read(f"{folder}/{names[1]}").strip() if limit.isdigit() else ""
+            if used.isdigit() and int(limit) < _NO_LIMIT:
+                cache = [row.split()[1] for row in _read(f"{folder}/memory.stat").splitlines()
                          if row.startswith(names[2] + " ")]
                 left.append(int(limit) - int(used) + sum(map(int, cache)))
     return left
