@@ -130,3 +130,25 @@ def test_periods_and_classes_are_those_of_the_tables(law):
             assert str(one["motion_class"].values) == motion_class(
                 period, *(one[name].values for name in counts), bool(chatter))
     assert len(set(data["motion_class"].values.ravel())) > 3 and np.any(data["period"] == 0)
+
+
+def test_what_is_kept_is_never_that_of_others():
+    """Pairs, curves and operations that come and go, at places in memory that are used again."""
+    draw = np.random.default_rng(11)
+    for _ in range(60):
+        pair = GearPair(25, 32, 0.0078, 0.026, 0.034, draw.uniform(1e8, 4e8), 0.002, 0.8,
+                        damping_ratio=draw.uniform(0, 0.2))
+        te = TransmissionError.harmonic([draw.uniform(1e-5, 9e-5)])
+        for scale in (1.0, -0.0, 0.0, draw.uniform(-2, 2)):
+            operation = {"mesh_frequency_hz": draw.uniform(50, 500), "te_scale": scale}
+            values = draw.uniform(1, 9, 3)
+            found = Varied(pair, te, "brake_torque", values, operation)
+            again = Varied(pair, te, "brake_torque", values + 1, operation)
+            assert again.shared is found.shared
+            for varied, at in ((found, values), (again, values + 1)):
+                one_by_one = [pair.oscillator(te, brake_torque=value, **operation) for value in at]
+                expected = Points.of(one_by_one)
+                for name in (*NUMBERS, "peak_to_peak", "flank_scale"):
+                    assert getattr(varied.points, name).tobytes() \
+                        == getattr(expected, name).tobytes()
+                assert varied.points.curves == expected.curves and list(varied) == one_by_one
