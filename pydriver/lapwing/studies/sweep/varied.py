@@ -186,15 +186,15 @@ class Varied(Sequence[Oscillator]):
 # What sweeps of late had in common: key -> pair and transmission error, whose places in memory are
 # not taken by others as long as they are here, and an oscillator.
 _SHARED: dict[Any, tuple[GearPair, TransmissionError, Oscillator]] = {}
-MOST_KEPT = 16
+MOST_KEPT, MOST_KNOTS = 16, 5000
 # Kinds of arguments whose text tells all of them.
 _PLAIN = {float, int, bool, str, type(None), np.float64}
 
 
 def _key(pair: GearPair, te: TransmissionError, parameter: str,
          operation: Mapping[str, Any]) -> Any:
-    """What tells one common oscillator from another; None: that is not known."""
-    if not _PLAIN.issuperset(map(type, operation.values())):
+    """What tells one common oscillator from another; None: it is not known, or too much to keep."""
+    if te.knots.size > MOST_KNOTS or not _PLAIN.issuperset(map(type, operation.values())):
         return None
     return id(pair), id(te), parameter, repr(operation)
 
