@@ -31,7 +31,7 @@ EVENTS = {
     SpecialPoint.APERIODIC: "the end of a motion without a period: there none of eight copies "
                             "of it dies in 128,000 mesh cycles, above the bracket all do",
     SpecialPoint.LIMIT: "the end of the values looked at, not of the rattling",
-    SpecialPoint.POINTS: "the end of the points asked for, not of the rattling",
+    SpecialPoint.POINTS: "the end of what was asked for, not of the rattling",
     SpecialPoint.CLOSED: "the branch's own beginning",
     SpecialPoint.JOINS: "a part of the branch that is known",
     SpecialPoint.UNRESOLVED: "an event that was not resolved",

@@ -1,5 +1,7 @@
 """Branches from what a sweep finds: their table, its figure, what ends rattling."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -8,8 +10,9 @@ from helpers import PAIR, SHIPPED, scene_a
 from lapwing.base.codes import FoundFrom, FoundMotion, SpecialPoint
 from lapwing.studies.branch import rattling
 from lapwing.studies.branch.collection import Collection
+from lapwing.studies.branch.family import Found
 from lapwing.studies.branch.run import branch
-from lapwing.studies.branch.seeds import Search
+from lapwing.studies.branch.seeds import Motion, Search
 
 SCENE_A = {"pinion_speed_rpm": 240, "impact_law": "absolute"}
 
@@ -158,3 +161,17 @@ def test_the_curve_may_be_what_varies():
     found = branch(orbit, scaled, value=1.0, low=0.5, high=1.1)
     fold, = [one for one in found.specials if one.kind is SpecialPoint.FOLD]
     assert fold.value == pytest.approx(np.pi * 0.3 / 1.7, rel=1e-12)
+
+
+def test_cycles_that_were_spent_end_no_rattling():
+    """What is known by then is told: it rattles up to there, and where it ends is not said."""
+    search = Search(PAIR, SHIPPED, "brake_torque", np.array([11.8, 12.5]), SCENE_A,
+                    rattling_cycles=0)
+    motions = [Motion(value, FoundMotion.APERIODIC, FoundFrom.UP, 0, (0, -1e-4, 1e-6))
+               for value in (11.9, 12.2)]
+    found = Found(motions, on=[None, None])
+    rattles = rattling.rattling(search, found, [], 12.0)
+    assert (rattles.dies.value, rattles.dies.kind) == (11.9, SpecialPoint.POINTS)
+    (low, high), = rattles.intervals
+    assert low.value == high.value == 12.2
+    assert low.kind is high.kind is SpecialPoint.POINTS and math.isnan(high.error)

@@ -38,9 +38,10 @@ def test_what_ends_the_last_rattling():
 
 
 @pytest.mark.full
-def test_the_whole_range():
+@pytest.mark.parametrize("name", ["25x32", "480rpm"])
+def test_the_whole_range(name):
     """Motions beyond 24 mesh cycles are told as without period."""
-    diagram, looked = looked_at("diagram_25x32.nml")
+    diagram, looked = looked_at(f"diagram_{name}.nml")
     assert looked.sum() >= 3 * 691
     assert set(diagram["motion_kind"].values[looked]) == {
         FoundMotion.ENGAGED, FoundMotion.PERIODIC, FoundMotion.APERIODIC}

@@ -48,6 +48,9 @@ class BranchesKeys(AlongKeys):
     unstable_points: int = key(200, "points in a row that are not stable, at most: through such "
                                "motions a branch may come to further stable ones",
                                ge=1, le=1_000_000)
+    rattling_cycles: int = key(50_000_000, "mesh cycles, at most, for which motions are followed "
+                               "in all to find where rattling ends that is on no branch; what is "
+                               "not found by then is said", ge=1, le=10**15)
     second_parameter: str | None = key(None, "another real number of &gear_pair or &operation: "
                                        "what ends stable ranges is followed in it as well, as "
                                        "curves over both", example="pinion_speed_rpm")

@@ -45,7 +45,8 @@ class Rattling:
     ----------
     intervals : list of (End, End), ascending; at the value itself, an end of kind NONE
     dies : End or None, where rattling dies that is carried upwards slowly; of kind LIMIT: not up to
-        the end of the range; None: it is not known, no rattling motion is carried up to there
+        the end of the range; POINTS: not up to there, where the mesh cycles asked for were spent;
+        None: it is not known, no rattling motion is carried up to there
     """
 
     intervals: list[tuple[End, End]]
@@ -68,15 +69,35 @@ def rattling(search: Search, found: Found, ranges: list[StableRange], kept: floa
     ranges : of `stable_ranges`
     kept : float, the value from which on contact can be kept
     """
-    dies = _raised(search, found, ranges, kept)
-    return Rattling(_Intervals(search, found, ranges, kept, dies).merged(), dies)
+    cycles = _Cycles(search.rattling_cycles)
+    dies = _raised(search, found, ranges, kept, cycles)
+    return Rattling(_Intervals(search, found, ranges, kept, dies, cycles).merged(), dies)
+
+
+class _Spent(Exception):
+    """As many mesh cycles as were asked for have been followed."""
+
+
+@dataclass
+class _Cycles:
+    """Mesh cycles that are left."""
+
+    left: float
+
+    def spend(self, count: int) -> None:
+        """Take some; `_Spent` where there are no more."""
+        if count > self.left:
+            raise _Spent
+        self.left -= count
 
 
 class _Crowd:
-    """Motions that rattle, followed at one value after the other."""
+    """Motions that rattle, followed at one value after the other, for so many cycles in all."""
 
-    def __init__(self, search: Search, state: tuple[float, float, float]) -> None:
+    def __init__(self, search: Search, state: tuple[float, float, float],
+                 cycles: _Cycles | None = None) -> None:
         self.search, self.state, self.period = search, state, 0
+        self.cycles = cycles or _Cycles(np.inf)
 
     def survives(self, value: float, cycles: int = FOLLOWED) -> bool:
         """Whether one of them still rattles after so many mesh cycles; if so they go on from it."""
@@ -96,6 +117,7 @@ class _Crowd:
               cycles: int) -> list[tuple[float, float, float]]:
         """States of those that still rattle after so many mesh cycles; the first one is kept."""
         osc, count = self.search.oscillator(value), len(states)
+        self.cycles.spend(count * cycles)
         run = engine.sweep(
             [osc] * count, [(k, k, False) for k in range(count)],
             [fitted(osc, (*state, 0.0)) for state in states],
@@ -163,8 +185,8 @@ class _Intervals:
     """Intervals of rattling above a value."""
 
     def __init__(self, search: Search, found: Found, ranges: list[StableRange],
-                 kept: float, dies: End | None) -> None:
-        self.search = search
+                 kept: float, dies: End | None, cycles: _Cycles) -> None:
+        self.search, self.cycles = search, cycles
         self.top = float(search.values[-1])
         low = float(search.values[0])
         start = End(max(kept, low), 0.0, Kind.NONE if kept >= low else Kind.LIMIT)
@@ -198,20 +220,23 @@ class _Intervals:
 
     def _grow(self, value: float) -> None:
         """An interval about a value at which a motion without a period was found."""
-        here = End(value, 0.0, Kind.APERIODIC)
+        here = End(value, np.nan, Kind.POINTS)
         self.pieces.append((here, here))
         for side in (0, 1):
             self._reach(value, self.wild[value], side)
 
     def _reach(self, value: float, state: tuple[float, float, float], side: int) -> None:
         """How far a motion that rattles at a value does so on one side: that is a piece, too."""
-        end, here = self._next(value, side), End(value, 0.0, Kind.APERIODIC)
-        crowd, alive = _Crowd(self.search, state), value
-        for further in np.linspace(value, end.value, LOOKED_AT + 1)[1:]:
-            if not crowd.survives(float(further)):
-                end = crowd.bracket(alive, float(further))
-                break
-            alive = float(further)
+        end, here = self._next(value, side), End(value, np.nan, Kind.POINTS)
+        crowd, alive = _Crowd(self.search, state, self.cycles), value
+        try:
+            for further in np.linspace(value, end.value, LOOKED_AT + 1)[1:]:
+                if not crowd.survives(float(further)):
+                    end = crowd.bracket(alive, float(further))
+                    break
+                alive = float(further)
+        except _Spent:
+            end = End(alive, np.nan, Kind.POINTS)
         self.pieces.append((end, here) if side == 0 else (here, end))
 
     def _next(self, value: float, side: int) -> End:
@@ -223,7 +248,8 @@ class _Intervals:
         return min(beyond, key=lambda one: abs(one.value - value), default=limit)
 
 
-def _raised(search: Search, found: Found, ranges: list[StableRange], kept: float) -> End | None:
+def _raised(search: Search, found: Found, ranges: list[StableRange], kept: float,
+            cycles: _Cycles) -> End | None:
     """Where rattling dies that is carried upwards slowly; see `Rattling`."""
     carried = [one for one in found.motions if one.begun is FoundFrom.UP and one.value <= kept
                and one.kind in (FoundMotion.PERIODIC, FoundMotion.APERIODIC)]
@@ -231,27 +257,39 @@ def _raised(search: Search, found: Found, ranges: list[StableRange], kept: float
         return None
     first = max(carried, key=lambda one: one.value)
     value, top = first.value, float(search.values[-1])
-    span, crowd = top - float(search.values[0]), _Crowd(search, first.state)
+    span, crowd = top - float(search.values[0]), _Crowd(search, first.state, cycles)
     crowd.period = first.cycles
     for _ in range(MOST_CHANGES):
-        stretch = _stretch(found, ranges, value, crowd)
-        if stretch is not None:
-            one = found.branches[stretch.branch - 1]
-            if stretch.high.kind is Kind.LIMIT:
-                return stretch.high
-            at = max((stretch.first, stretch.last), key=lambda k: one.values[k])
-            crowd.state = one.state(one.points[at])
-            value = stretch.high.value + BEYOND * span
-            if value < top and not crowd.survives(value, SLOWLY):
-                return stretch.high
-        else:
-            higher = value + RAISED * span
-            if higher < top and not crowd.survives(higher):
-                return crowd.bracket(value, higher)
-            value = higher
-        if value >= top:
-            return End(top, 0.0, Kind.LIMIT)
-    return None
+        reached = value
+        try:
+            value, end = _raised_on(found, ranges, value, crowd, (span, top))
+        except _Spent:
+            return End(reached, np.nan, Kind.POINTS)
+        if end is not None:
+            return end
+    return End(value, np.nan, Kind.POINTS)
+
+
+def _raised_on(found: Found, ranges: list[StableRange], value: float, crowd: _Crowd,
+               scale: tuple[float, float]) -> tuple[float, End | None]:
+    """The next value at which the motion rattles, or the end of that."""
+    span, top = scale
+    stretch = _stretch(found, ranges, value, crowd)
+    if stretch is not None:
+        one = found.branches[stretch.branch - 1]
+        if stretch.high.kind is Kind.LIMIT:
+            return value, stretch.high
+        at = max((stretch.first, stretch.last), key=lambda k: one.values[k])
+        crowd.state = one.state(one.points[at])
+        value = stretch.high.value + BEYOND * span
+        if value < top and not crowd.survives(value, SLOWLY):
+            return value, stretch.high
+    else:
+        higher = value + RAISED * span
+        if higher < top and not crowd.survives(higher):
+            return value, crowd.bracket(value, higher)
+        value = higher
+    return value, End(top, 0.0, Kind.LIMIT) if value >= top else None
 
 
 def _stretch(found: Found, ranges: list[StableRange], value: float,

@@ -66,6 +66,7 @@ class Search:
     trials : list of (value, StartGrid), further values with starts of their own
     numerics : Numerics
     threads : int
+    rattling_cycles : float, mesh cycles for which motions are followed to where rattling ends
     """
 
     pair: GearPair
@@ -82,6 +83,7 @@ class Search:
     trials: Sequence[tuple[float, StartGrid]] = ()
     numerics: Numerics = field(default_factory=lambda: Numerics(rtol=1e-8))
     threads: int = 1
+    rattling_cycles: float = np.inf
 
     def oscillator(self, value: float) -> Oscillator:
         """The oscillator at a value of the parameter."""

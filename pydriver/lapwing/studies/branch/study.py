@@ -64,8 +64,9 @@ def carry_out(deck: Deck, study: Asked, order: int, threads: int,
         deck.gear_pair, deck.te, study.parameter, study.values, study.operation,
         random=study.random_starts, seed=study.random_seed, settle=study.settle_cycles,
         highest=study.highest_period, numerics=Numerics(**deck.numerics_of(study)),
-        threads=threads, sweeps=[one for one in found.get("sweep", {}).values()
-                                 if one["status"].dims[1] == study.parameter],
+        threads=threads, rattling_cycles=study.rattling_cycles,
+        sweeps=[one for one in found.get("sweep", {}).values()
+                if one["status"].dims[1] == study.parameter],
         trials=_trials(deck, study, found.get("critical", {}))),
         study.doublings, study.most_points, study.unstable_points)
     curved = study.second is not None
