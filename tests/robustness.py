@@ -4,9 +4,9 @@
 
 runs the command `lapwing` on small decks in a folder of its own, hurts it N times in each way and
 judges what is left; without arguments 200, 100, 60 and 16 times. Prints each failure and a count
-of every outcome; the exit status is 1 if there was any failure. Of the figures one is drawn, in its
-two formats, and trials are made good by one command for several decks: most of the time would go
-into drawing and into loading modules.
+of every outcome; the exit status is 1 if there was any failure. Of the figures one is drawn, and
+trials are made good by one command for several decks: most of the time would go into drawing and
+into loading modules.
 
 A results folder is good when the numbers of its result file are, to the bit, those of an
 undisturbed run of the old or of the new values, and a file of the user's that lies in it is as it

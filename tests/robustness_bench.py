@@ -26,21 +26,13 @@ DECK = """\
 /
 &transmission_error parabola_amplitude = 125e-6 /
 &operation brake_torque = {torque}, pinion_speed_rpm = 480 /
-&response name = 'one', settle_cycles = 20, record_cycles = 10 /
-&critical name = 'full', find = 'full' /
+&response name = 'one', settle_cycles = 20, record_cycles = 10, figures = 'history' /
+&critical name = 'full', find = 'full', figures = 'none' /
 &sweep name = 'torque', parameter = 'brake_torque', from = {torque}, to = 9, count = 12,
-  settle_cycles = 50, record_cycles = 20, impacts = .true. /
+  settle_cycles = 50, record_cycles = 20, impacts = .true., figures = 'none' /
 """
 OLD, NEW = 1.8, 2.2
 NOTES = "the user's own notes\n"
-ONE_FIGURE = """
-import sys
-from lapwing import plots
-from lapwing.__main__ import main
-plots.FIGURES.update(dict.fromkeys(plots.FIGURES, ()))
-sys.argv[0] = "lapwing"
-main()
-"""
 
 
 @dataclass
@@ -85,8 +77,8 @@ class Bench:
               ) -> subprocess.Popen:
         """Start a run, in a process group of its own and with the usual reaction to Ctrl-C."""
         decks = [str(self.deck(torque, stem)) for stem in stems]
-        words = [sys.executable, "-c", ONE_FIGURE, "run", *decks, "--out", str(out),
-                 "--threads", "2", "--figures", "all", *options]
+        words = [sys.executable, "-m", "lapwing", "run", *decks, "--out", str(out),
+                 "--threads", "2", *options]
         return subprocess.Popen(
             words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
             env=os.environ | {MARK: str(out)}, start_new_session=True,
