@@ -97,11 +97,10 @@ contains
     self%angle_scale = natural_angle(p)
     self%flight_velocity_scale = self%angle_scale*min(1.0_wp, p%mesh_frequency_ratio)
     self%strongest = abs(p%force) + maxval(abs(self%path%push))
-    self%chatter_rate = 0
     do flank = drive_flank, coast_flank
       ! Half of this would do.
-      if (self%law%sums_chatter(self%moves(flank))) self%chatter_rate(flank) = self%strongest &
-          *(1 - self%law%restitution)
+      self%chatter_rate(flank) = merge(self%strongest*(1 - self%law%restitution), 0.0_wp, &
+          self%law%sums_chatter(self%moves(flank)))
     end do
   end subroutine set_force
 
@@ -173,8 +172,8 @@ contains
       clear = inward*instant%y(1) > 0
       if (.not. clear .and. instant%touching == instant%chart) clear = .not. self%law%is_rigid()
     else if (instant%touching /= no_flank) then
-      clear = instant%touching == instant%chart .and. -inward*instant%y(2) &
-          > shortest*self%chatter_rate(instant%touching)
+      clear = instant%touching == instant%chart .and. -inward*instant%y(2) > &
+          shortest*self%chatter_rate(instant%touching)
     else
       highest = merge(0.0_wp, self%width, instant%chart == drive_flank)
       clear = instant%y(1) < highest .and. (instant%y(1) > highest - self%width &
@@ -199,9 +198,8 @@ contains
     real(wp), intent(inout) :: y(max_states)     !! if it stays: state variables there
     logical, intent(out) :: stays                !! whether it does
     stays = .false.
-    if (allocated(self%fixed)) return
-    stays = stays_inside(self%path%push(begin%motion_state), begin%motion_state, &
-        begin%touching, motion)
+    if (.not. allocated(self%fixed)) stays = stays_inside( &
+        self%path%push(begin%motion_state), begin%motion_state, begin%touching, motion)
     if (stays) y(1:2) = z_end(1:2) - motion%landing
   end subroutine stay
 
@@ -215,9 +213,8 @@ contains
     integer, intent(inout) :: touching           !! flank at zero distance where it begins, or none
     logical, intent(out) :: clear                !! whether nothing is met up to the step's end
     clear = .false.
-    if (allocated(self%fixed)) return
-    call skip_ahead_on_arc(self%path, self%width, self%n_flanks, motion_state, self%force, motion, &
-        frame, touching, clear)
+    if (.not. allocated(self%fixed)) call skip_ahead_on_arc(self%path, &
+        self%width, self%n_flanks, motion_state, self%force, motion, frame, touching, clear)
   end subroutine skip_ahead
 
   !> The same for the largest distance from the drive flank.

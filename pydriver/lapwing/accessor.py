@@ -158,8 +158,8 @@ class LapwingAccessor:
         columns: dict[str, Any] = {}
         along = {str(name): variable for name, variable in self._dataset.variables.items()
                  if variable.dims == (dim,)}
-        # Times first, whatever they are beside: coordinates or not.
-        for name in sorted(along, key=lambda one: not one.endswith(("tau", "time"))):
+        # Times first, then what counts the rows, whatever they are beside: coordinates or not.
+        for name in sorted(along, key=lambda one: (not one.endswith(("tau", "time")), one != dim)):
             variable = along[name]
             words = str(variable.attrs.get("flag_meanings", "")).split()
             head = f"{name} [{_unit(variable.attrs)}]" if units and _unit(variable.attrs) else name

@@ -26,10 +26,9 @@ module lapwing_flow_rk4_step_control
   !> Keeps the integral term finite where a step was exact.
   real(wp), parameter :: least_ratio = 1.0e-4_wp
   !> The rungs from 1/2 to 1.
-  integer :: i
   integer, parameter :: per_octave = 8
   real(wp), parameter :: octave(0:per_octave - 1) = &
-      [(0.5_wp*2.0_wp**(i/real(per_octave, wp)), i=0, per_octave - 1)]
+      0.5_wp*2.0_wp**([0, 1, 2, 3, 4, 5, 6, 7]/real(per_octave, wp))
 
 contains
 

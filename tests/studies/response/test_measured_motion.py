@@ -8,8 +8,8 @@ import numpy as np
 from lapwing.deck import load_deck
 from lapwing.engine import REST, Numerics
 from lapwing.studies.of_deck import compute
+from lapwing.studies.response.evaluation import Evaluation
 from lapwing.studies.response.mesh_force import sample_phases
-from lapwing.studies.response.outcome import Outcome
 from lapwing.studies.response.recording import Pass
 
 DECK = Path(__file__).parents[2] / "deck" / "accepted" / "measured.nml"
@@ -29,7 +29,7 @@ def motion_of(osc, deck, study):
     """The motion alone, by one run."""
     recording = Pass(osc, (REST, 0.0, 0.0, 0.0), (20, 20), sample_phases(osc, 8)[0],
                      Numerics(**deck.numerics_of(study))).whole()
-    return Outcome.of(osc, deck.gear_pair, recording, deck.numerics["max_period"]).in_short
+    return Evaluation.of(osc, deck.gear_pair, recording, deck.numerics["max_period"]).in_short
 
 
 def test_classes_are_those_of_the_runs_on_the_repeats():

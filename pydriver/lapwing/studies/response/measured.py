@@ -13,8 +13,8 @@ from lapwing.base.codes import Status
 from lapwing.engine import Numerics
 from lapwing.model.curve.interval import repeat_interval
 from lapwing.model.oscillator import ParameterError
+from lapwing.studies.response.evaluation import Evaluation, Motion
 from lapwing.studies.response.mesh_force import sample_phases
-from lapwing.studies.response.outcome import Motion, Outcome
 from lapwing.studies.response.recording import Pass, Recording
 from lapwing.studies.trajectory import checked_start, engine_start
 
@@ -62,7 +62,7 @@ def with_repeats(found: xr.Dataset, deck: Deck, passes: Sequence[Pass | None],
     if not passes or found.attrs["status"] != Status.OK:
         return found
     each = iter(recordings)
-    motions = [Motion(None, "failed", math.nan, math.nan) if one is None else Outcome.of(
+    motions = [Motion(None, "failed", math.nan, math.nan) if one is None else Evaluation.of(
         one.osc, deck.gear_pair, next(each), deck.numerics["max_period"]).in_short
         for one in passes]
     classes = Counter(one.motion_class for one in motions)

@@ -28,8 +28,8 @@ from lapwing.studies import mean_rotation
 from lapwing.studies.labels import settings
 from lapwing.studies.period import MAX_PERIOD
 from lapwing.studies.response import motion
+from lapwing.studies.response.evaluation import Evaluation, findings
 from lapwing.studies.response.mesh_force import deflection, flank_motion, sample_phases
-from lapwing.studies.response.outcome import Outcome, findings
 from lapwing.studies.response.recording import Pass, Recording
 from lapwing.studies.trajectory import checked_start, engine_start
 
@@ -195,7 +195,7 @@ def prepared(osc: Oscillator, pair: GearPair, *, name: str, start: Any, phase: f
 def dataset_of(made: Prepared, recordings: Iterable[Recording]) -> xr.Dataset:
     """What `response` returns, from the recordings of both passes."""
     osc, pair, max_period = made.osc, made.pair, made.given["max_period"]
-    main, reference = (Outcome.of(osc, pair, one, max_period) for one in recordings)
+    main, reference = (Evaluation.of(osc, pair, one, max_period) for one in recordings)
     return _dataset(osc, pair, main, made.stored).assign_attrs(
         settings(osc, made.numerics, pair=pair)
         | {key: value for key, value in made.given.items() if value is not None}
@@ -229,16 +229,16 @@ def _check_others(osc: Oscillator, pair: GearPair, name: str, exponents: bool,
     taken.raise_if_any("response")
 
 
-def _dataset(osc: Oscillator, pair: GearPair, outcome: Outcome,
+def _dataset(osc: Oscillator, pair: GearPair, found: Evaluation,
              stored: NDArray[Any]) -> xr.Dataset:
     """Samples, events and cycles in physical units."""
     import xarray as xr
 
     second = osc.period / pair.natural_frequency
-    parts = {"sample": _sample_columns(osc, pair, outcome.recording, stored, second),
-             "event": _event_columns(pair, outcome.recording, osc.period, second),
-             "cycle": {**_cycle_columns(outcome),
-                       **mean_rotation.by_cycle(osc, outcome.recording.means[0])}}
+    parts = {"sample": _sample_columns(osc, pair, found.recording, stored, second),
+             "event": _event_columns(pair, found.recording, osc.period, second),
+             "cycle": {**_cycle_columns(found),
+                       **mean_rotation.by_cycle(osc, found.recording.means[0])}}
     dataset = xr.Dataset({key: (dim, values) for dim, columns in parts.items()
                           for key, values in columns.items()})
     return worded(dataset.set_coords(("time", "event_time")))
@@ -280,13 +280,13 @@ def _event_columns(pair: GearPair, recording: Recording, period: float,
             "impact_energy": np.where(impact, energy, np.nan)}
 
 
-def _cycle_columns(outcome: Outcome) -> dict[str, NDArray[Any]]:
-    failed = outcome.recording.status != Status.OK
+def _cycle_columns(found: Evaluation) -> dict[str, NDArray[Any]]:
+    failed = found.recording.status != Status.OK
     columns = {}
     for key in list(CYCLE)[1:]:
-        column = outcome.recording.cycles[key]
+        column = found.recording.cycles[key]
         whole = np.full(len(column), -1) if failed else column
         columns[f"cycle_{key}"] = column if key in CYCLE_REALS else whole.astype(np.int32)
     for key in ("mesh_force_mean", "mesh_force_peak", "impact_force_mean"):
-        columns[f"cycle_{key}"] = outcome.by_cycle[key]
-    return {**columns, "cycle_impact_energy": outcome.by_cycle["impact_energy_per_cycle"]}
+        columns[f"cycle_{key}"] = found.by_cycle[key]
+    return {**columns, "cycle_impact_energy": found.by_cycle["impact_energy_per_cycle"]}

@@ -33,7 +33,7 @@ ROUNDING = 64 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Evaluation:
     """A recording, its statistics by cycle (dict of (record,) arrays), period and class."""
 
     recording: Recording
@@ -42,7 +42,8 @@ class Outcome:
     motion_class: str
 
     @classmethod
-    def of(cls, osc: Oscillator, pair: GearPair, recording: Recording, max_period: int) -> Outcome:
+    def of(cls, osc: Oscillator, pair: GearPair, recording: Recording,
+           max_period: int) -> Evaluation:
         """What a recording comes to."""
         column = recording.cycles
         by_cycle = _by_cycle(osc, pair, recording, column)
@@ -141,7 +142,7 @@ def _by_cycle(osc: Oscillator, pair: GearPair, recording: Recording,
             **motion.shares_of_time(recording.events, column["motion_state"], osc.period)}
 
 
-def findings(main: Outcome, reference: Outcome) -> dict[str, Any]:
+def findings(main: Evaluation, reference: Evaluation) -> dict[str, Any]:
     """The summary's numbers: each with the changes between runs and halves, and its error."""
     status = main.recording.status
     attrs: dict[str, Any] = {
@@ -160,4 +161,4 @@ def findings(main: Outcome, reference: Outcome) -> dict[str, Any]:
                     "fully_engaged": int(visited == 1 << MotionState.ENGAGEMENT)}
 
 
-__all__ = ["MEANS", "PEAKS", "Motion", "Outcome", "findings"]
+__all__ = ["MEANS", "PEAKS", "Evaluation", "Motion", "findings"]
