@@ -220,6 +220,7 @@ CASES = {
         "pair": PAIR, "te": TE, "parameter": "brake_torque", "low": 12.4, "high": 12.6, "seeds": 2,
         "starts": GRID, "random_starts": 1, "random_seed": 0, "highest_period": 2, "threads": 1,
         "settle": 1, "doublings": 0, "points": 2, "unstable": 1, "progress": None,
+        "rattling_cycles": 4000,
         "pinion_speed_rpm": 300}),
     "curve": (lw.curve, {
         "branch": BRANCH, "special": BRANCH.specials[1], "low": -0.01, "high": 0.01, "value": 0.0,

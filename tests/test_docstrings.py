@@ -55,7 +55,7 @@ CASES = {
         brake_torque=3.0).data]),
     "branches": lambda: (lapwing.branches, [lapwing.branches(
         PAIR, SHIPPED, low=11.0, high=12.5, seeds=2, settle=50, doublings=0, points=3,
-        pinion_speed_rpm=240, impact_law="absolute")]),
+        rattling_cycles=20_000, pinion_speed_rpm=240, impact_law="absolute")]),
     "attractors": lambda: (lapwing.attractors, [
         lapwing.attractors(scene_a(1.8), runs=32, most_cycles=50)]),
 }

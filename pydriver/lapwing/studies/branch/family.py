@@ -18,7 +18,7 @@ from lapwing.model.transmission_error import TransmissionError
 from lapwing.studies.branch.collection import Collection, Match
 from lapwing.studies.branch.ranges import BEYOND, SLOWLY, stable_ranges
 from lapwing.studies.branch.run import Branch, branch, follower_of
-from lapwing.studies.branch.seeds import Motion, Search, find, followed_on
+from lapwing.studies.branch.seeds import RATTLING_CYCLES, Motion, Search, find, followed_on
 from lapwing.studies.branch.special import Special
 from lapwing.studies.branch.trace.follower import Follower
 from lapwing.studies.branch.trace.record import recorded, restored
@@ -82,8 +82,9 @@ def branches(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_t
              high: float, seeds: int = 41, starts: StartGrid | None = None,
              random_starts: int = 0, random_seed: int = 0, settle: int = 400,
              highest_period: int = MAX_PERIOD, doublings: int = 2, points: int = 2000,
-             unstable: int = 200, threads: int | None = None,
-             progress: Callable[[float], None] | None = None, **operation: Any) -> xr.Dataset:
+             unstable: int = 200, rattling_cycles: int = RATTLING_CYCLES,
+             threads: int | None = None, progress: Callable[[float], None] | None = None,
+             **operation: Any) -> xr.Dataset:
     """The branches of the periodic motions that sweeps find, each followed to both of its ends.
 
     1. Motions at `seeds` values from `low` to `high`: from rest, carried both ways, from a grid of
@@ -109,6 +110,8 @@ def branches(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_t
     highest_period : int, mesh cycles, at most 24; longer ones count as without period
     doublings : int, how many times a branch of twice the period is followed
     points, unstable : int, the most points of a branch either way, and in a row that are unstable
+    rattling_cycles : int, mesh cycles, at most, for which motions are followed in all to find where
+        rattling ends that is on no branch; an end not found by then is of kind POINTS
     threads : int or None; no result depends on it
     progress : callable(fraction done) or None
     **operation : the other arguments of `GearPair.oscillator`
@@ -151,7 +154,8 @@ def branches(pair: GearPair, te: TransmissionError, *, parameter: str = "brake_t
     request = _checked(pair, te, parameter, low, high, starts, progress, {
         "seeds": (seeds, 2), "random_starts": (random_starts, 0), "random_seed": (random_seed, 0),
         "settle": (settle, 1), "highest_period": (highest_period, 1), "doublings": (doublings, 0),
-        "points": (points, 1), "unstable": (unstable, 1)}, checked_threads(threads), operation)
+        "points": (points, 1), "unstable": (unstable, 1),
+        "rattling_cycles": (rattling_cycles, 1)}, checked_threads(threads), operation)
     return table(request, followed(request, progress))
 
 
@@ -295,8 +299,8 @@ def _checked(pair: Any, te: Any, parameter: Any, low: Any, high: Any, starts: An
         taken.take(arguments.instance, "starts", starts, StartGrid)
     ends = [taken.take(arguments.real, name, value) for name, value in
             (("low", low), ("high", high))]
-    numbers = {name: taken.take(arguments.whole, name, value, least,
-                                MAX_PERIOD if name == "highest_period" else 1_000_000)
+    most = {"highest_period": MAX_PERIOD, "rattling_cycles": 10**15}
+    numbers = {name: taken.take(arguments.whole, name, value, least, most.get(name, 1_000_000))
                for name, (value, least) in whole.items()}
     if progress is not None:
         taken.take(arguments.function, "progress", progress)
@@ -308,5 +312,5 @@ def _checked(pair: Any, te: Any, parameter: Any, low: Any, high: Any, starts: An
     search = Search(
         pair, te, parameter, np.linspace(ends[0], ends[1], numbers["seeds"]), operation, starts,
         numbers["random_starts"], numbers["random_seed"], numbers["settle"],
-        numbers["highest_period"], threads=threads)
+        numbers["highest_period"], threads=threads, rattling_cycles=numbers["rattling_cycles"])
     return Request(search, numbers["doublings"], numbers["points"], numbers["unstable"])

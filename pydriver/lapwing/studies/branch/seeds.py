@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from lapwing.model.oscillator import Oscillator
     from lapwing.model.transmission_error.table import TransmissionError
 
+# Mesh cycles, at most, for which motions are followed to where rattling ends that is on no branch.
+RATTLING_CYCLES = 50_000_000
 ARRIVALS = ("impacts", "back_impacts", "engages", "back_engages")
 
 
@@ -66,7 +68,7 @@ class Search:
     trials : list of (value, StartGrid), further values with starts of their own
     numerics : Numerics
     threads : int
-    rattling_cycles : float, mesh cycles for which motions are followed to where rattling ends
+    rattling_cycles : int, mesh cycles, at most, followed to find where rattling ends
     """
 
     pair: GearPair
@@ -83,7 +85,7 @@ class Search:
     trials: Sequence[tuple[float, StartGrid]] = ()
     numerics: Numerics = field(default_factory=lambda: Numerics(rtol=1e-8))
     threads: int = 1
-    rattling_cycles: float = np.inf
+    rattling_cycles: int = RATTLING_CYCLES
 
     def oscillator(self, value: float) -> Oscillator:
         """The oscillator at a value of the parameter."""
