@@ -37,7 +37,7 @@ CLOSED_FORM = 800
 PACKED, FIGURE = 1032, 20_000
 _NO_LIMIT = 2**60
 # Bytes that are taken without asking; loading the engine took more.
-LITTLE = 2**24
+LITTLE = 2**25
 
 
 def sweep_bytes(points: int, record: int, cycles: bool = True, impacts: bool = False,
