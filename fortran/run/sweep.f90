@@ -237,7 +237,8 @@ contains
     final = 0
     target_t = line%start(4)*system%period
     if (line%stage == stage_settle) then
-      call settle(sweep, system, flow, target_t, deadline, state, work, status)
+      if (sweep%settle > 1) call settle(sweep, system, flow, target_t, deadline, state, work, &
+          status)
       if (status /= status_ok) return
       line%stage = stage_prepare
       if (sweep%settle > 1) call start_watching(recorder, &

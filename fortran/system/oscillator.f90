@@ -18,7 +18,7 @@ module lapwing_system_oscillator
   use lapwing_system_frames, only: open_unseen, open_with_flanks, carry_over, distance_in_frame
   use lapwing_system_parameters, only: parameters_t, natural_angle, felt_jump
   use lapwing_polynomial_evaluation, only: max_degree, horner, horner_slope, taylor_shift
-  use lapwing_system_spring_stages, only: drive, drive_over_step, spring_stages, flight_stages, keep
+  use lapwing_system_spring_stages, only: drive, stages_in_contact, flight_stages
   use lapwing_system, only: system_t, instant_t, frame_t, motion_t, max_states
   use lapwing_system_step, only: step_t, lengths_t
   implicit none
@@ -253,22 +253,16 @@ contains
     integer, intent(in) :: motion_state
     real(wp), intent(in) :: h                      !! step
     real(wp), intent(in) :: z(max_states)          !! local coordinates at s = 0
-    type(lengths_t), intent(inout) :: lengths      !! what steps of one length share
+    type(lengths_t), intent(inout), optional :: lengths   !! what steps of one length share;
+                                                          !! absent: it will not come again
     type(step_t), intent(inout) :: step            !! the result
     logical, intent(out) :: done                   !! always
-    real(wp) :: driven(4)
-    logical :: is_new
     done = .true.
     if (motion_state == separation) then
       call flight_stages(self%force, h, z, step)
     else
-      call lengths%look_up(h, is_new)
-      associate (kept => lengths%kept(lengths%at))
-        if (is_new) call keep(self%damping, self%series, h, kept)
-        call drive_over_step(self%path, self%series, self%damping, moves(self, frame%chart), &
-            frame, kept, driven, step%landing)
-        call spring_stages(self%damping, self%force, driven, kept, z(1:2), step)
-      end associate
+      call stages_in_contact(self%path, self%series, self%damping, self%force, &
+          moves(self, frame%chart), frame, h, z(1:2), lengths, step)
     end if
   end subroutine stages
 

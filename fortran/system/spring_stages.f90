@@ -11,12 +11,46 @@ module lapwing_system_spring_stages
   use lapwing_flank_series, only: harmonic_series_t, turned_t, turn_series, versed
   use lapwing_system, only: frame_t
   use lapwing_system_frames, only: flank_in_frame, flank_over_step
-  use lapwing_system_step, only: step_t, kept_t, richardson
+  use lapwing_system_step, only: step_t, kept_t, lengths_t, richardson
   implicit none
   private
-  public :: drive, drive_over_step, spring_stages, flight_stages, keep
+  public :: drive, stages_in_contact, flight_stages
 
 contains
+
+  !> The stages of a step in contact.
+  subroutine stages_in_contact(flank, series, damping, force, moves, frame, h, z, lengths, step)
+    class(flank_t), intent(in) :: flank      !! motion of the flanks
+    type(harmonic_series_t), allocatable, intent(in) :: series   !! the same, where it is one
+    real(wp), intent(in) :: damping          !! 2 xi
+    real(wp), intent(in) :: force            !! what drives the spring at s = 0
+    logical, intent(in) :: moves             !! whether the flank of the frame's chart does
+    type(frame_t), intent(in) :: frame       !! frame as opened
+    real(wp), intent(in) :: h                !! step
+    real(wp), intent(in) :: z(2)             !! position and velocity at s = 0
+    type(lengths_t), intent(inout), optional :: lengths   !! lengths of late; absent: it is not kept
+    type(step_t), intent(inout) :: step      !! the result
+    type(kept_t) :: once
+    logical :: is_new
+    if (present(lengths)) then
+      call lengths%look_up(h, is_new)
+      if (is_new) call keep(damping, series, h, lengths%kept(lengths%at))
+      call with_length(lengths%kept(lengths%at))
+    else
+      call keep(damping, series, h, once)
+      call with_length(once)
+    end if
+
+  contains
+
+    !> What hangs on the length alone is known.
+    subroutine with_length(kept)
+      type(kept_t), intent(in) :: kept
+      real(wp) :: driven(4)
+      call drive_over_step(flank, series, damping, moves, frame, kept, driven, step%landing)
+      call spring_stages(damping, force, driven, kept, z, step)
+    end subroutine with_length
+  end subroutine stages_in_contact
 
   !> What drives the spring beyond the force at s: the motion of its flank in the frame.
   pure real(wp) function drive(flank, series, damping, frame, s)

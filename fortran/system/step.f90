@@ -27,9 +27,9 @@ module lapwing_system_step
   end type step_t
 
   !> What the stages of a damped spring need of the length of a step, and of nothing else: the same
-  !> few lengths come again and again. Only the length is set beforehand.
+  !> few lengths come again and again.
   type :: kept_t
-    real(wp) :: h = -1                    !! the length; negative: nothing is known
+    real(wp) :: h                         !! the length
     !> Middle, end and correction, position and velocity each, for unit position and velocity at
     !> s = 0 and unit force at the quarters.
     real(wp) :: response(6, 6)
@@ -40,7 +40,8 @@ module lapwing_system_step
 
   !> The lengths of late.
   type :: lengths_t
-    type(kept_t) :: kept(8)               !! what is known of each
+    real(wp) :: h(8) = -1                 !! each; negative: nothing is known
+    type(kept_t) :: kept(8)               !! what is known of it
     integer :: at = 1                     !! which of them the step at hand has
     integer :: oldest = 1                 !! which of them to forget next
   contains
@@ -56,16 +57,17 @@ contains
     logical, intent(out) :: is_new
     integer :: i
     is_new = .false.
-    if (self%kept(self%at)%h == h) return
-    do i = 1, size(self%kept)
-      if (self%kept(i)%h == h) then
+    if (self%h(self%at) == h) return
+    do i = 1, size(self%h)
+      if (self%h(i) == h) then
         self%at = i
         return
       end if
     end do
     is_new = .true.
     self%at = self%oldest
-    self%oldest = 1 + modulo(self%oldest, size(self%kept))
+    self%h(self%at) = h
+    self%oldest = 1 + modulo(self%oldest, size(self%h))
   end subroutine look_up
 
   !> Change over a step by the four classical rates, about the first: where the rate is constant it

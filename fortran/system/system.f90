@@ -48,7 +48,7 @@ module lapwing_system
     real(wp) :: h = 0                                       !! step
     real(wp) :: dense(0:dense_degree, max_states) = 0       !! dense output
     real(wp) :: landing(2) = 0                              !! see `step_t`
-    type(lengths_t) :: lengths                              !! what the next step may use
+    type(lengths_t), allocatable :: lengths                 !! what the next step may use
   end type motion_t
 
   type, abstract :: system_t
@@ -220,7 +220,8 @@ contains
     integer, intent(in) :: motion_state
     real(wp), intent(in) :: h                      !! step
     real(wp), intent(in) :: z(max_states)          !! local coordinates at s = 0
-    type(lengths_t), intent(inout) :: lengths      !! what steps of one length share
+    type(lengths_t), intent(inout), optional :: lengths   !! what steps of one length share;
+                                                          !! absent: it will not come again
     type(step_t), intent(inout) :: step            !! the result
     logical, intent(out) :: done                   !! whether there is one
     done = .false.

@@ -75,7 +75,8 @@ contains
     integer, intent(in) :: motion_state
     real(wp), intent(in) :: h                      !! step
     real(wp), intent(in) :: z(max_states)          !! local coordinates at s = 0
-    type(lengths_t), intent(inout) :: lengths      !! what steps of one length share
+    type(lengths_t), intent(inout), optional :: lengths   !! what steps of one length share;
+                                                          !! absent: it will not come again
     type(step_t), intent(inout) :: step            !! the result
     logical, intent(out) :: done                   !! always
     type(step_t) :: mean

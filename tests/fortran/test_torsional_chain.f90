@@ -113,7 +113,7 @@ contains
     integer, intent(in) :: motion_state
     real(wp), intent(in) :: h
     real(wp), intent(in) :: z(max_states)
-    type(lengths_t), intent(inout) :: lengths
+    type(lengths_t), intent(inout), optional :: lengths
     type(step_t), intent(inout) :: step
     logical, intent(out) :: done
     done = .false.

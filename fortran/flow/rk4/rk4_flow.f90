@@ -51,6 +51,8 @@ contains
     integer :: n, i
     logical :: in_contact, stays
     n = system%n_states
+    ! Without memory for them, lengths are not kept.
+    if (.not. allocated(arc%motion%lengths)) allocate (arc%motion%lengths, stat=i)
     call system%scales(arc%begin%motion_state, scale)
     allowed(:n) = allowed_error(scale(:n), tolerance)
     in_contact = arc%begin%motion_state /= separation

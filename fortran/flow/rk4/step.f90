@@ -94,7 +94,7 @@ contains
     integer, intent(in) :: motion_state
     real(wp), intent(in) :: h                     !! step
     real(wp), intent(in) :: z(max_states)         !! local coordinates at s = 0
-    type(lengths_t), intent(inout) :: lengths     !! lengths of late
+    type(lengths_t), intent(inout), optional :: lengths   !! lengths of late
     type(step_t), intent(inout) :: step           !! the result
     logical :: done
     call system%stages(frame, motion_state, h, z, lengths, step, done)
@@ -156,9 +156,8 @@ contains
     real(wp), intent(in) :: z(max_states)         !! local coordinates at s = 0
     real(wp), intent(out) :: z_end(max_states)    !! local coordinates at s = h
     type(step_t) :: step
-    type(lengths_t) :: lengths
     logical :: done
-    call system%stages(frame, motion_state, h, z, lengths, step, done)
+    call system%stages(frame, motion_state, h, z, step=step, done=done)
     if (.not. done) call doubled_step(system, frame, motion_state, h, z, .false., step)
     z_end = step%end
   end subroutine rk4_move
