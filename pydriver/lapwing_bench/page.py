@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 
 from lapwing_bench.problem import STICKING
-from lapwing_bench.report import FIGURE, not_installed, tables
+from lapwing_bench.report import FIGURE, tables
 from lapwing_bench.scenes import LONG, SHORT
 
 HEAD = f"""# Speed and error
@@ -17,7 +17,7 @@ Every number below comes from one run of one command on one machine:
 
 {{machine}}; {{date}}.
 {{engine}}.
-{{versions}}.{{missing}}
+{{versions}}.
 
 ## What is measured
 
@@ -63,9 +63,7 @@ def page_text(datasets, attributes, image):
     -------
     str, Markdown
     """
-    absent = not_installed()
-    missing = f" Not installed: {', '.join(absent)}." if absent else ""
-    parts = [HEAD.format(missing=missing, **{key: attributes[key] for key in (
+    parts = [HEAD.format(**{key: attributes[key] for key in (
         "command", "machine", "date", "engine", "versions")}),
         f"![Cost per mesh cycle against error, one panel for each scene]({image})\n"]
     for table in tables(datasets):

@@ -9,7 +9,6 @@ import numpy as np
 
 from lapwing_bench import summary
 from lapwing_bench.ours import RECORDED, SETTLED
-from lapwing_bench.rivals import RIVALS
 from lapwing_bench.scenes import LONG, SHORT
 from lapwing_bench.whole_calls import CALL_ERROR
 
@@ -41,11 +40,6 @@ def tables(datasets):
     """
     return [_ratios(datasets), *_calls(datasets), _equal_errors(datasets), _studies(datasets),
             *(_scene(name, dataset) for name, dataset in datasets.items())]
-
-
-def not_installed():
-    """Names of the rivals whose package is missing."""
-    return [rival.name for rival in RIVALS if not rival.installed]
 
 
 def panels(datasets):
@@ -184,8 +178,10 @@ def _scene(name, dataset):
 def show(datasets, attributes):
     """Print the tables on the terminal."""
     console = show_tables(tables(datasets))
-    for name in not_installed():
-        console.print(f"{name}: not installed")
+    for one in attributes["versions"].split(", "):
+        name, found, _ = one.partition(" not installed")
+        if found:
+            console.print(f"{name}: not installed")
     console.print(f"{attributes['machine']}; {attributes['date']}")
 
 def show_tables(tables):
