@@ -57,6 +57,8 @@ def draw(diagram: xr.Dataset, *, title: str | None = None,
         in the table as their branches are, lie on them; of a motion over several mesh cycles in
         the first one.
     """
+    from matplotlib.lines import Line2D
+
     listed = _listed(diagram)
     rows = min(ROWS_A_COLUMN, max(1, min(len(listed), MOST_ROWS)))
     figure = style.new_figure(10, 7.6 + 0.17 * (rows + 2))
@@ -75,7 +77,10 @@ def draw(diagram: xr.Dataset, *, title: str | None = None,
             style.nothing(axis, "no periodic motion with events was found")
     _torques(section, diagram)
     if section.get_legend_handles_labels()[0]:
-        section.legend(loc="best", ncols=2)
+        # A colour says which branch, not which kind.
+        for handle in section.legend(loc="best", ncols=2).legend_handles:
+            if isinstance(handle, Line2D) and handle.get_marker() not in ("", "None", None):
+                handle.set_markeredgecolor(style.BLACK)
     section.axhline(0, color="0.5", linewidth=0.8)
     logarithmic = _wide(section, diagram)
     section.set_ylabel("φ at phase 0 (µrad)\n← separated   engaged →")

@@ -33,6 +33,15 @@ def test_a_motion_over_six_cycles_is_followed_round_once():
     assert len(found.points) < 60
 
 
+def test_a_branch_of_twice_the_period_ends_at_the_corner_where_it_meets_its_own():
+    """At a release; a branch that went on would go twice along the one of half the period."""
+    found = along_torque(scene_d, 11.7341, 11.7336, 11.7352, 4)
+    for one in (found.specials[0], found.specials[-1]):
+        assert (one.kind, one.outcome) == (Kind.RELEASE, Outcome.ENDS)
+        assert one.value == pytest.approx(11.734312675036, abs=1e-10)
+    assert max(found.values) < 11.73432
+
+
 def test_chatters_of_which_one_goes_on_over_the_beginning_of_the_cycle():
     """Their bounces are put before their own ends each: the engine sees the same motion."""
     torque = 11.36
@@ -57,6 +66,18 @@ def test_corners_of_a_chatter_whose_bounces_pass_a_jump_of_the_curvature():
     beside = [abs(found.points[k].multipliers[0]) for k in (at - 1, at, at + 1, at + 2)]
     assert min(beside) < 1 < max(beside)
     assert max(beside) - min(beside) > 0.1
+
+
+def test_between_two_points_a_slow_bounce_passes_a_knot():
+    """The motion at a value between them is that of the pieces it lies on there."""
+    found = along_torque(relative, 10.24, 10.2, 10.3)
+    for torque in np.linspace(10.21, 10.29, 9):
+        point, = found.at(torque)
+        orbit = find_orbit(relative(torque), settle=400)
+        _, phi, phi_dot = found.state(point)
+        size = found.follower.problem.scale
+        assert abs(phi - orbit.state[1]) < 1e-9 * size
+        assert abs(phi_dot - orbit.state[2]) < 1e-9 * size
 
 
 @pytest.mark.parametrize(("ratio", "piles"), [(0.8, True), (1.0, False), (-0.8, False)])

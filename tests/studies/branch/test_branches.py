@@ -10,7 +10,7 @@ from helpers import PAIR, SHIPPED, scene_a
 from lapwing.base.codes import FoundFrom, FoundMotion, SpecialPoint
 from lapwing.studies.branch import rattling
 from lapwing.studies.branch.collection import Collection
-from lapwing.studies.branch.family import Found
+from lapwing.studies.branch.family import Found, Request, followed
 from lapwing.studies.branch.run import branch
 from lapwing.studies.branch.seeds import Motion, Search
 
@@ -175,3 +175,12 @@ def test_cycles_that_were_spent_end_no_rattling():
     (low, high), = rattles.intervals
     assert low.value == high.value == 12.2
     assert low.kind is high.kind is SpecialPoint.POINTS and math.isnan(high.error)
+
+
+def test_what_motions_become_beyond_the_ends_is_looked_at_as_often_as_asked():
+    """Not at all, or once: motions beyond the ends then, which begin no branch."""
+    search = Search(PAIR, SHIPPED, "brake_torque", np.linspace(11.8, 12.5, 8), SCENE_A)
+    none, once = (followed(Request(search, 0, 40, 5, ends)) for ends in (0, 1))
+    assert all(one.begun is not FoundFrom.END for one in none.motions)
+    assert any(one.begun is FoundFrom.END for one in once.motions)
+    assert 0 < len(none.branches) <= len(once.branches)

@@ -48,6 +48,9 @@ class BranchesKeys(AlongKeys):
     unstable_points: int = key(200, "points in a row that are not stable, at most: through such "
                                "motions a branch may come to further stable ones",
                                ge=1, le=1_000_000)
+    beyond_ends: int = key(5, "how many times over it is looked what becomes of motions a little "
+                           "beyond the ends of their stable ranges; what is found the last time "
+                           "begins no branch", ge=0, le=100)
     rattling_cycles: int = key(50_000_000, "mesh cycles, at most, for which motions are followed "
                                "in all to find where rattling ends that is on no branch; what is "
                                "not found by then is said", ge=1, le=10**15)

@@ -48,12 +48,15 @@ class Request:
     doublings : int, how many times over branches of twice the period are followed
     points, unstable : int, the most points of a branch either way, and of them in a row that are
         not stable
+    ends : int, how many times over it is looked what becomes of motions beyond the ends of their
+        stable ranges; those found the last time begin no branch
     """
 
     search: Search
     doublings: int
     points: int
     unstable: int
+    ends: int = MOST_TURNS
 
     @property
     def range(self) -> tuple[float, float]:
@@ -212,24 +215,26 @@ def followed(request: Request, progress: Callable[[float], None] | None = None,
     search, known = request.search, Collection()
     found = Found(find(search, progress and (lambda part: progress(LOOKING * part))))
     looked = 0
-    for turn in range(MOST_TURNS + 1):
+    for turn in range(request.ends + 1):
         seeds = [k for k in range(looked, len(found.motions))
                  if found.motions[k].kind is FoundMotion.PERIODIC]
         looked = len(found.motions)
         found.on += [None] * (looked - len(found.on))
-        if turn == MOST_TURNS:
+        if turn and turn == request.ends:
             for k in seeds:
                 found.on[k] = _on(known, found.motions[k])
             break
         for count, k in enumerate(_spread(seeds)):
             found.on[k] = _placed(request, known, found.motions[k], keep)
-            told((turn + (count + 1) / (len(seeds) + 1)) / MOST_TURNS)
+            told((turn + (count + 1) / (len(seeds) + 1)) / max(1, request.ends))
         for _ in range(request.doublings):
             for one, special in known.doublings(search.highest):
                 try:
                     known.add(keep.switched(request, one, special))
                 except (NoOrbit, ArithmeticError):
                     continue
+        if not request.ends:
+            break
         found.motions += _beyond_ends(search, known, found.motions)
         if len(found.motions) == looked:
             break

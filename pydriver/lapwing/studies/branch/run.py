@@ -15,7 +15,7 @@ from lapwing.base import arguments
 from lapwing.base.codes import MotionState, Status
 from lapwing.engine import TrajectoryCall, Wanted
 from lapwing.model.oscillator import Oscillator
-from lapwing.studies.branch.motion.borders import fewer
+from lapwing.studies.branch.motion.borders import fewer, moved_on
 from lapwing.studies.branch.motion.curve import NotCorrected, Place, Problem, at_value, flipped
 from lapwing.studies.branch.motion.flank_motion import Motions
 from lapwing.studies.branch.motion.layout import of_log
@@ -119,8 +119,12 @@ class Branch:
                 return self.follower.point(self._before_fold(place, fold.place, value))
             problem, z = self.follower.problem, place.z.copy()
             z[-1] = value / problem.unit
-            return self.follower.point(Place(place.layout, at_value(problem, place.layout, z),
-                                             place.tangent))
+            z = at_value(problem, place.layout, z)
+            # Between the points a slow bounce may pass a knot.
+            layout = moved_on(problem, place.layout, z)
+            if layout is not place.layout:
+                z = at_value(problem, layout, z)
+            return self.follower.point(Place(layout, z, place.tangent))
         except NotCorrected:
             return None
 

@@ -68,7 +68,7 @@ def carry_out(deck: Deck, study: Asked, order: int, threads: int,
         sweeps=[one for one in found.get("sweep", {}).values()
                 if one["status"].dims[1] == study.parameter],
         trials=_trials(deck, study, found.get("critical", {}))),
-        study.doublings, study.most_points, study.unstable_points)
+        study.doublings, study.most_points, study.unstable_points, study.beyond_ends)
     curved = study.second is not None
     records = None if folder is None else Records(folder, "branch or curve" if curved else "branch",
                                                   notes, used_hash(deck))

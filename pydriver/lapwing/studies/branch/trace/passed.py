@@ -31,6 +31,21 @@ class Mark(NamedTuple):
     length: float
 
 
+def repeats_sooner(problem: Problem, place: Place) -> bool:
+    """Whether a motion is one of fewer mesh cycles, gone through several times.
+
+    Where the map has a corner, a branch of twice the period may meet the one it came from at an
+    event, without a smooth doubling: what follows are the motions of that one.
+    """
+    cycles = place.layout.cycles
+    if cycles == 1:
+        return False
+    states = np.array(states_at(problem, place.layout, place.z,
+                                np.arange(cycles, dtype=float))[1:]) / problem.scale
+    return any(np.abs(states - np.roll(states, part, axis=1)).max() < ONE_PLACE
+               for part in range(1, cycles) if cycles % part == 0)
+
+
 @dataclass(eq=False)
 class Passed:
     """Special points that a branch has passed.

@@ -31,7 +31,7 @@ from lapwing.studies.branch.motion.witness import (
 )
 from lapwing.studies.branch.special import Kind, Outcome, Point, Special
 from lapwing.studies.branch.trace.follower import Crossing, Follower
-from lapwing.studies.branch.trace.passed import Passed, same_place
+from lapwing.studies.branch.trace.passed import Passed, repeats_sooner, same_place
 
 # Steps in the measure of length: mesh periods, scaled speeds, parts of the range.
 FIRST_STEP, LONGEST, SHORTEST = 1e-3, 0.1, 1e-10
@@ -44,6 +44,7 @@ AFTER_BORDER = 1e-6
 TURN, FASTER, LEAST_MOVE = 0.85, 2.0, 1e-9
 
 AGAIN = Kind.JOINS, "at a special point that it has passed already"
+SOONER = "it comes upon a branch of fewer mesh cycles, which it would go along several times"
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +125,8 @@ def follow(follower: Follower, start: Place, most: int, beyond: Beyond,
                 here = points[-1] if place is ahead else follower.point(place)
                 continue
             special, after = beyond(follower, crossing, ahead)
+        if after is not None and repeats_sooner(follower.problem, after):
+            special, after = replace(special, outcome=Outcome.ENDS, words=SOONER), None
         specials.append((len(points) - 1, special))
         if after is None:
             return Path(points, specials, special)
@@ -189,6 +192,9 @@ def _taken(follower: Follower, place: Place, turns: list[Turn], borders: Borders
     ahead, count = follower.ahead(place, step, 8)
     if problem.weights(place.layout) @ (place.tangent * ahead.tangent) < TURN:
         raise NotCorrected("the curve turns")
+    # Two curves cross where a branch of twice the period leaves: it turns back there.
+    if repeats_sooner(problem, ahead) and not repeats_sooner(problem, place):
+        raise NotCorrected("the motion of fewer mesh cycles")
     _moved_alike(place, ahead, step)
     passed = follower.borders_passed(place, borders, ahead, step)
     if not passed:
