@@ -17,7 +17,6 @@ process left, and the same command run once more gives the new results and leave
 from __future__ import annotations
 
 import contextlib
-import os
 import shutil
 import signal
 import subprocess
@@ -44,6 +43,8 @@ COUNTS = {"damage": 200, "kill": 100, "signal": 60, "disk": 16}
 SIGNALS = {signal.SIGINT: 130, signal.SIGTERM: 75, signal.SIGUSR1: 75}
 # Every so many signals one is sent while files are being written.
 WHILE_WRITING = 3
+# A kill that came after the end is drawn anew, this many times at most, over what that run took.
+REDRAWS = 8
 # Trials that share a folder of results, and the command that is to make them good.
 TOGETHER = 10
 
@@ -106,12 +107,21 @@ def kill(bench: Bench, rngs: list, out: Path) -> list[tuple[str, list[str]]]:
     """SIGKILL at any instant while old results are replaced."""
     outcomes, trials = [], {}
     for n, rng in enumerate(rngs):
-        folder = bench.with_old_results(out / f"k{n}")
-        process = bench.start(NEW, out, [folder.name], "--force")
-        time.sleep(rng.uniform(0.0, 1.05) * bench.seconds)
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(process.pid, signal.SIGKILL)
-        done = finish(process)
+        folder, span = out / f"k{n}", bench.seconds
+        for _ in range(1 + REDRAWS):
+            shutil.rmtree(folder, ignore_errors=True)
+            bench.with_old_results(folder)
+            begun = time.monotonic()
+            process = bench.start(NEW, out, [folder.name], "--force")
+            # Not waited for to the end: then the run is over, and its span is known anew.
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(timeout=rng.uniform(0.0, 1.0) * span)
+            span = min(span, time.monotonic() - begun) if process.poll() is not None else span
+            with contextlib.suppress(ProcessLookupError):
+                process.send_signal(signal.SIGKILL)
+            done = finish(process)
+            if done.code != 0:
+                break
         problems = problems_of_command(out, done, {0, -signal.SIGKILL})
         problems += problems_of_folder(bench, folder, True)
         problems += [done.said] * bool(problems)
