@@ -69,6 +69,15 @@ DECKS = {
                      "overlap, and leave gaps in which no motion repeats. The last island of "
                      "rattling, up to 12.4275 N·m, is one that this sweep's starts do not meet, "
                      "the random ones of branches_25x32 do.",
+    "diagram_25x32_relative": "The same under the physical impact law: from 4.5 N·m up to where "
+                              "contact can be kept one motion of period one that ends in complete "
+                              "chatter, but between 10.7 and 11.3 N·m, where its bounces pass "
+                              "a jump of the curvature one by one.",
+    "diagram_1500rpm": "The smooth transmission error at 1500 rpm: rattling that repeats lives on, "
+                       "on a branch of its own, up to 12.496 N·m, where the sweep sees none from "
+                       "11.98 N·m on.",
+    "diagram_480rpm": "The parabola with a kink at 480 rpm: nothing rattles above the torque from "
+                      "which contact can be kept but for a last 0.00002 N·m.",
     "curves_25x32": "What ends the stable motions of a smooth transmission error at 1500 rpm, "
                     "followed in the speed: folds and doublings run along the borders of the map's "
                     "regions, and between them where no run from rest tells of a change.",
