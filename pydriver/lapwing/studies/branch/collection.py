@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lapwing.studies.branch.motion.witness import states_at
+from lapwing.studies.branch.motion.witness import strobed
 from lapwing.studies.branch.run import Branch
 from lapwing.studies.branch.special import Kind, Outcome, Special
 
@@ -54,9 +54,8 @@ def nearest(one: Branch, value: float, state: NDArray[np.float64], cycles: int) 
         point = one.near(near, far, value)
         if point is None:
             continue
-        states = states_at(problem, point.place.layout, point.place.z,
-                           np.arange(cycles, dtype=float))
-        found = Match(one, _away(np.array(states[1:]), state) / problem.scale, near)
+        states = strobed(problem, point.place.layout, point.place.z)
+        found = Match(one, _away(states, state) / problem.scale, near)
         if best is None or found.distance < best.distance:
             best = found
     return best
@@ -109,10 +108,9 @@ class Collection:
                 if end.outcome is not Outcome.ENDS \
                         or abs(end.value - doubling.value) > ONE_DOUBLING * problem.unit:
                     continue
-                states = states_at(other.follower.problem, end.place.layout, end.place.z,
-                                   np.arange(other.cycles, dtype=float))
+                states = strobed(other.follower.problem, end.place.layout, end.place.z)
                 # Close to a doubling the motions part as the root of the distance.
-                if _away(np.array(states[1:]), np.array(state)) < NEAR * problem.scale:
+                if _away(states, np.array(state)) < NEAR * problem.scale:
                     return True
         return False
 

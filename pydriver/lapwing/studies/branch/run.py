@@ -19,7 +19,7 @@ from lapwing.studies.branch.motion.borders import fewer, moved_on
 from lapwing.studies.branch.motion.curve import NotCorrected, Place, Problem, at_value, flipped
 from lapwing.studies.branch.motion.flank_motion import Motions
 from lapwing.studies.branch.motion.layout import of_log
-from lapwing.studies.branch.motion.witness import NUMERICS, states_at
+from lapwing.studies.branch.motion.witness import NUMERICS, states_at, strobed
 from lapwing.studies.branch.special import Kind, Outcome, Point, Special
 from lapwing.studies.branch.trace.beyond import beyond
 from lapwing.studies.branch.trace.follower import Follower
@@ -91,9 +91,8 @@ class Branch:
     @cached_property
     def strobed(self) -> tuple[NDArray[Any], ...]:
         """φ and φ' at phase 0 of each mesh cycle of each point: arrays (2, cycles)."""
-        phases = np.arange(self.cycles, dtype=float)
-        return tuple(np.array(states_at(self.follower.problem, one.place.layout, one.place.z,
-                                        phases)[1:]) for one in self.points)
+        return tuple(strobed(self.follower.problem, one.place.layout, one.place.z)
+                     for one in self.points)
 
     def passes(self, value: float) -> list[tuple[int, int]]:
         """Numbers of the points between which the branch passes a value, the nearer one first.

@@ -84,6 +84,11 @@ def states_at(problem: Problem, layout: Layout, z: NDArray[Any],
     return Course(problem, layout, z).at(np.asarray(phases, dtype=float))
 
 
+def strobed(problem: Problem, layout: Layout, z: NDArray[Any]) -> NDArray[np.float64]:
+    """φ and φ' at phase 0 of each mesh cycle of a motion: array (2, cycles)."""
+    return np.array(states_at(problem, layout, z, np.arange(layout.cycles, dtype=float))[1:])
+
+
 class Course:
     """A motion between its events."""
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lapwing.studies.branch.motion.curve import NotCorrected, Place, Problem, corrected
-from lapwing.studies.branch.motion.witness import states_at
+from lapwing.studies.branch.motion.witness import strobed
 from lapwing.studies.branch.special import Kind, Special
 
 # Special points whose values differ by less, parts of the range, and their states, parts of the
@@ -40,8 +40,7 @@ def repeats_sooner(problem: Problem, place: Place) -> bool:
     cycles = place.layout.cycles
     if cycles == 1:
         return False
-    states = np.array(states_at(problem, place.layout, place.z,
-                                np.arange(cycles, dtype=float))[1:]) / problem.scale
+    states = strobed(problem, place.layout, place.z) / problem.scale
     return any(np.abs(states - np.roll(states, part, axis=1)).max() < ONE_PLACE
                for part in range(1, cycles) if cycles % part == 0)
 
@@ -64,9 +63,7 @@ class Passed:
         place = special.place
         if not special.error < ONE_VALUE * problem.unit:
             return False
-        states = np.array(states_at(problem, place.layout, place.z,
-                                    np.arange(place.layout.cycles, dtype=float))[1:])
-        states /= problem.scale
+        states = strobed(problem, place.layout, place.z) / problem.scale
         states[1] *= problem.oscillator(special.value).period
         for one in self.marks:
             if one.kind is special.kind and length - one.length > AWAY and abs(
